@@ -9,7 +9,6 @@ from taichi_disk.signals import listen
 def process() -> None:
     """Run the command line and end the process with its exit status."""
     listen()
-    import gc
     import os
     import sys
 
@@ -21,8 +20,6 @@ def process() -> None:
 
     # draws into files; the user's backend may need a display or not exist
     os.environ["MPLBACKEND"] = "agg"
-    # collecting at the default threshold costs 3 % of a run and frees nothing
-    gc.set_threshold(100_000)
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:  # a closed stream is None
             stream.reconfigure(errors="replace")  # type: ignore[union-attr]  # a CP1252 console cannot show η

@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 from taichi_disk import BEGAN, __version__
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.config.tree import shipped_scenes
-from taichi_disk.errors import InputError, TaichiDiskError
+from taichi_disk.errors import InputError, TaichiDiskError, system_message
 from taichi_disk.machine import cores
 from taichi_disk.progress import terminal
 from taichi_disk.signals import INTERRUPTED, raise_if_interrupted
@@ -64,8 +64,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 1
     except OSError as error:
         if not isinstance(error, BrokenPipeError):  # the reader has gone (| head)
-            file = f"{error.filename}: " if error.filename else ""
-            _print_error(f"error: {file}{error.strerror or error}")
+            _print_error(f"error: {system_message(error)}")
         return InputError.exit_status if isinstance(error, PermissionError) else 1
 
 
@@ -126,12 +125,17 @@ def _run(arguments: argparse.Namespace) -> int:
     }
     with terminal(sys.stderr) as progress:
         result = run(scene, _out(arguments), progress=progress, **options)
-    assert result.out is not None
-    print_result(result.summary, result.scenario.labels, result.out)
-    for text in result.summary.get("notes", ()):
+    summary = result.summary
+    print_result(summary, result.scenario.labels, result.out)
+    for text in summary.get("notes", ()):
         _note(text)
-    if failed := "video_error" in result.summary:
-        _print_error(f"error: {result.summary['video_error']}")
+    errors = [summary.get("video_error"), summary.get("export_error")]
+    if summary["status"] != "done":
+        errors.append(summary["reason"])
+    failed = False
+    for text in filter(None, errors):
+        _print_error(f"error: {text}")
+        failed = True
     return int(failed)
 
 
@@ -153,12 +157,18 @@ def _view(arguments: argparse.Namespace) -> None:
     from taichi_disk.scenes import shipped_scenes
     from taichi_disk.window.app import view
 
+    is_plain = arguments.scene is None and not arguments.overrides
+    arguments.scene = arguments.scene or "exponential_wall"
     folder = Path(arguments.scene).is_dir() and arguments.scene not in shipped_scenes()
     if folder and arguments.overrides:
         raise InputError(
             "--set cannot change the scenes of a folder: name one scene file instead"
         )
-    scene = Path(arguments.scene) if folder else _load(arguments)
+    scene: Any = None
+    if folder:
+        scene = Path(arguments.scene)
+    elif not is_plain:
+        scene = _load(arguments)
     view(
         scene,
         arguments.out or Path("out/view"),
@@ -166,6 +176,7 @@ def _view(arguments: argparse.Namespace) -> None:
         arguments.host,
         arguments.port,
         arguments.open,
+        arguments.origin,
     )
 
 
@@ -213,7 +224,11 @@ def _export(arguments: argparse.Namespace) -> None:
     form = arguments.format or (None if arguments.out else "xyz")
     result = Result.load(arguments.folder, say=_note)
     out = result.export(
-        arguments.out or arguments.folder, form, arguments.frames, arguments.times
+        arguments.out or arguments.folder,
+        form,
+        arguments.frames,
+        arguments.times,
+        say=_note,
     )
     print(f"trajectory in {out}")
 
@@ -331,7 +346,7 @@ def _parser() -> argparse.ArgumentParser:
         "view", _view, "play with a scene on a page in the browser, or in a window"
     )
     scenes = f"{_shipped()}; or a folder of scenes"
-    _add_scene(add, scenes, out="out/view", nargs="?", default="exponential_wall")
+    _add_scene(add, scenes, out="out/view", nargs="?")
     add(
         "--no-open",
         dest="open",
@@ -349,6 +364,13 @@ def _parser() -> argparse.ArgumentParser:
         default=0,
         metavar="P",
         help="port (default: a free one)",
+    )
+    add(
+        "--origin",
+        default="",
+        metavar="URL",
+        help="address at which a reverse proxy serves the page, such as"
+        " https://example.org/disk",
     )
     either = commands.choices["view"].add_mutually_exclusive_group()
     either.add_argument(
@@ -479,7 +501,12 @@ def _add_scene(
 
 
 def _path(text: str) -> Path:
-    return Path(text).expanduser()
+    try:
+        return Path(text).expanduser()
+    except RuntimeError:
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: there is no user of this name"
+        ) from None
 
 
 def _count(text: str, most: int = 100_000) -> int:

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 
 from taichi_disk import engine
 from taichi_disk.engine.environment import CACHE, cache_folder, keeps_kernels
-from taichi_disk.machine import cores, free_memory, processor
+from taichi_disk.machine import cores, processor, python_command
 from taichi_disk.signals import raise_if_interrupted
 
 RUN = (
@@ -22,7 +22,9 @@ RUN = (
     "--set=video.size=64",
     "--set=video.seconds=0.1",
 )
+_START = "from taichi_disk.__main__ import process; process()"
 SECONDS = 120
+_CRASHED = "crashed"
 REMEDY = (
     "apt-get update && apt-get install -y --no-install-recommends libx11-6"
     " mesa-vulkan-drivers"
@@ -43,49 +45,43 @@ def examine() -> bool:
             f" cannot be written: set {CACHE} and HOME, or every run compiles its"
             " kernels again"
         )
+    names_and_versions = [" ".join(one) for one in engine.versions().items()]
+    display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     found = {
         "Python": platform.python_version(),
-        "engine": (
-            " ".join(" ".join(one) for one in engine.versions().items())
-            or "none: install taichi-disk again"
-        ),
+        "engine": " ".join(names_and_versions) or "none: install taichi-disk again",
         "processor": processor(),
         "processor cores": cores(),
-        "free memory": f"{free_memory() / 1e9:.1f} GB",
         "cache of kernels": cache,
-        "display": (
-            os.environ.get("DISPLAY")
-            or os.environ.get("WAYLAND_DISPLAY")
-            or "none (films need none)"
-        ),
+        "display": display or "none (films need none)",
     }
     for name, value in found.items():
         print(f"{name:<16}  {value}")
     trouble = try_run()
-    print(
-        f"\nNot ready: {trouble}\n    {REMEDY}"
-        if trouble
-        else "\nReady: scenes can be run and filmed here."
-    )
-    return not trouble
+    if not trouble:
+        print("\nReady: scenes can be run and filmed here.")
+        return True
+    remedy = REMEDY
+    if trouble.startswith(_CRASHED) and not _try_with_empty_cache():
+        remedy = f"the cache of kernels is damaged: delete the folder {cache_folder()}"
+    print(f"\nNot ready: {trouble}\n    {remedy}")
+    return False
 
 
-def try_run() -> str:
-    """Run and film a small scene. Return the last line of its error output, or an empty
-    string on success."""
+def _try_with_empty_cache() -> str:
     with TemporaryDirectory() as folder:
-        command = [
-            sys.executable,
-            "-m",
-            "taichi_disk",
-            "run",
-            "exponential_wall",
-            f"--out={Path(folder, 'run')}",
-            *RUN,
-        ]
+        return try_run({CACHE: folder})
+
+
+def try_run(changes: dict[str, str] | None = None) -> str:
+    """Run and film a small scene, with `changes` of the environment. Return the last
+    line of its error output, or an empty string on success."""
+    with TemporaryDirectory() as folder:
+        out = f"--out={Path(folder, 'run')}"
         try:
             done = subprocess.run(
-                command,
+                python_command(_START, "run", "exponential_wall", out, *RUN),
+                env={**os.environ, **(changes or {})},
                 capture_output=True,
                 text=True,
                 errors="replace",
@@ -95,9 +91,8 @@ def try_run() -> str:
             return f"no answer within {SECONDS} s"
     raise_if_interrupted()
     if done.returncode < 0:
-        return f"crashed ({signal.Signals(-done.returncode).name})"
-    return (
-        done.stderr.strip().splitlines()[-1].removeprefix("error: ")
-        if done.returncode
-        else ""
-    )
+        return f"{_CRASHED} ({signal.Signals(-done.returncode).name})"
+    if done.returncode > 0:
+        lines = done.stderr.strip().splitlines() or ["no message"]
+        return lines[-1].removeprefix("error: ")
+    return ""

@@ -4,7 +4,9 @@ status."""
 from __future__ import annotations
 
 import difflib
+import os
 import sys
+import traceback
 from collections.abc import Iterable
 from typing import Any
 
@@ -50,3 +52,44 @@ def either(names: Iterable[str]) -> str:
     """Join names to "a, b or c"."""
     *first, last = names
     return f"{', '.join(first)} or {last}" if first else last
+
+
+def printable(text: str, width: int = 40) -> str:
+    """Escape characters that a terminal cannot show, and cut the text at `width`
+    characters."""
+    if not text.isprintable():
+        text = ascii(text)[1:-1]
+    if len(text) > width:
+        return text[: width - 3] + "..."
+    return text
+
+
+def reason(error: BaseException) -> str:
+    """Return the message of `error`; for an OSError only the system's words, because
+    the caller names the file."""
+    if not isinstance(error, OSError):
+        return str(error)
+    if isinstance(error, FileNotFoundError) and not _has_working_folder():
+        return "the working folder has been deleted: change to another one"
+    return error.strerror or str(error)
+
+
+def system_message(error: OSError) -> str:
+    """Return the system's words with the file or, if the system names none, with the
+    function that failed."""
+    words = reason(error)
+    if error.filename is not None:
+        return f"{error.filename}: {words}"
+    calls = traceback.extract_tb(error.__traceback__)
+    if not calls or not _has_working_folder():
+        return words
+    module = os.path.splitext(os.path.basename(calls[-1].filename))[0]
+    return f"{words} (in {calls[-1].name} of {module})"
+
+
+def _has_working_folder() -> bool:
+    try:
+        os.getcwd()
+    except OSError:
+        return False
+    return True

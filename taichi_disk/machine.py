@@ -1,48 +1,81 @@
-"""Processor, cores and free memory of this machine."""
+"""Processor and cores of this machine, and how another Python is started on it."""
 
 from __future__ import annotations
 
 import os
 import platform
+import sys
 from contextlib import suppress
+from math import ceil, inf
 from pathlib import Path
 
 
 def cores() -> int:
-    return (
-        len(os.sched_getaffinity(0))
-        if hasattr(os, "sched_getaffinity")
-        else os.cpu_count() or 1
-    )
+    """Return the number of cores that this process may use, at least 1: those of its
+    affinity, and no more than the CPU quota of its container, rounded up."""
+    if hasattr(os, "process_cpu_count"):  # Python 3.13
+        count = os.process_cpu_count()
+    elif hasattr(os, "sched_getaffinity"):
+        count = len(os.sched_getaffinity(0))
+    else:
+        count = os.cpu_count()
+    quota = cpu_quota(Path("/proc/self/cgroup"), Path("/sys/fs/cgroup"))
+    return int(max(1, min(count or 1, quota)))
+
+
+def cpu_quota(membership: Path, root: Path) -> float:
+    """Return the smallest CPU quota, in cores rounded up, of the control groups that
+    this process is in; infinity if there is none.
+
+    `membership`: file with the groups of the process; `root`: folder of all groups. See
+    cgroups(7).
+    """
+    quota = inf
+    with suppress(OSError, ValueError):
+        for line in membership.read_text().splitlines():
+            _, controllers, group = line.split(":", 2)
+            if not controllers:  # version 2
+                hierarchy = root
+            elif "cpu" in controllers.split(","):  # version 1
+                hierarchy = root / "cpu"
+            else:
+                continue
+            folder = Path(os.path.normpath(f"{hierarchy}/{group}"))
+            # A container sees its own group as `root`, but may have the host's path.
+            for one in (folder, *folder.parents):
+                if one.is_relative_to(hierarchy):
+                    quota = min(quota, _quota_of(one))
+    return ceil(quota) if quota < inf else inf
+
+
+def _quota_of(group: Path) -> float:
+    # OSError if a file is missing, ValueError if version 2 says "max"
+    with suppress(OSError, ValueError):
+        quota, period = map(float, (group / "cpu.max").read_text().split())
+        return quota / period
+    with suppress(OSError, ValueError):
+        quota = float((group / "cpu.cfs_quota_us").read_text())
+        if quota > 0.0:  # -1 is no limit
+            return quota / float((group / "cpu.cfs_period_us").read_text())
+    return inf
 
 
 def processor() -> str:
-    with suppress(OSError, StopIteration):
-        lines = (
-            Path("/proc/cpuinfo")
-            .read_text(encoding="utf-8", errors="replace")
-            .splitlines()
-        )
-        return (
-            next(line for line in lines if line.startswith("model name"))
-            .partition(":")[2]
-            .strip()
-        )
+    with suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+        for line in lines.splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
     return platform.processor() or platform.machine()
 
 
-def free_memory() -> float:
-    """Return the free memory [bytes], or infinity if the operating system does not
-    report it."""
-    free = float("inf")
-    with suppress(OSError, ValueError, IndexError):
-        lines = Path("/proc/meminfo").read_text().splitlines()
-        free = 1024.0 * float(
-            next(line for line in lines if line.startswith("MemAvailable")).split()[1]
-        )
-    # the limit of a container; ValueError if it is "max", unlimited
-    with suppress(OSError, ValueError):
-        group = Path("/sys/fs/cgroup")
-        used = float((group / "memory.current").read_text())
-        free = min(free, float((group / "memory.max").read_text()) - used)
-    return free
+def python_command(code: str, *arguments: str) -> list[str]:
+    """Return the command that runs `code` in another Python, which finds modules where
+    this one does.
+
+    Python would search the working folder first, and run a `random.py` of the user. It
+    comes last here, and only if this process searches it, too.
+    """
+    folders = sorted(sys.path, key=lambda folder: folder == "")
+    start = f"import sys; sys.path[:] = {folders}; {code}"
+    return [sys.executable, "-c", start, *arguments]

@@ -137,12 +137,13 @@ def _threads(asked: Any) -> int:
 
 
 def leave(status: int) -> NoReturn:
-    """End the process after Taichi has saved its kernels, and skip the exit of all
-    libraries, which takes 0.2 s."""
-    if module := engine.loaded():
-        module.reset()
+    """End the process after Taichi has saved its kernels. Raises SystemExit."""
+    # Flush first, because a damaged cache of kernels can crash the engine.
     for stream in (sys.stdout, sys.stderr):
         # the stream is closed, or its reader has ended
         with contextlib.suppress(OSError, ValueError, AttributeError):
             stream.flush()
-    os._exit(status)
+    engine_module = engine.loaded()
+    if engine_module:
+        engine_module.reset()
+    sys.exit(status)

@@ -11,21 +11,18 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future
 from contextlib import contextmanager
 from math import inf
 from time import monotonic
 from types import FrameType
-from typing import Any, TypeVar
 
-T = TypeVar("T")
 Handler = Callable[[int, FrameType | None], object]
 
 INTERRUPTED = 130  # exit status
 # a signal repeated within this time is ignored [s]: `timeout` signals a process, then
 # its group
 REPEAT_TIME = 0.5
-POLL_INTERVAL = 0.2  # [s] between checks for a signal during a long call
+POLL_INTERVAL = 0.2  # [s] between checks for a signal while this process waits
 SHOW_CURSOR = b"\x1b[?25h"  # progress bars hide the cursor
 
 # received signals; global, because a process has one handler per signal
@@ -37,29 +34,6 @@ def raise_if_interrupted() -> None:
     if _pending and threading.current_thread() is threading.main_thread():
         _pending.clear()
         raise KeyboardInterrupt
-
-
-def interruptible(function: Callable[..., T], *arguments: Any) -> T:
-    """Return the value of `function`. A signal raises KeyboardInterrupt at once,
-    although the function goes on."""
-    # The function runs in a thread of its own, because a long call of SciPy cannot be
-    # interrupted.
-    if threading.current_thread() is not threading.main_thread():
-        return function(*arguments)
-    future = Future[T]()
-
-    def work() -> None:
-        try:
-            future.set_result(function(*arguments))
-        except BaseException as error:
-            future.set_exception(error)
-
-    thread = threading.Thread(target=work, daemon=True)
-    thread.start()
-    while thread.is_alive():
-        thread.join(POLL_INTERVAL)
-        raise_if_interrupted()
-    return future.result()
 
 
 def listen() -> None:

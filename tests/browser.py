@@ -16,14 +16,8 @@ MISSING = (
     if TOOLS
     else ""
 )
-# Use WebGL without graphics hardware.
-OPTIONS = (
-    "--headless=new",
-    "--no-sandbox",
-    "--disable-dev-shm-usage",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-)
+# The page needs no graphics driver.
+OPTIONS = ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--disable-gpu")
 
 
 class Browser:
@@ -35,7 +29,7 @@ class Browser:
         from selenium.webdriver.chrome.service import Service
 
         options = webdriver.ChromeOptions()
-        for option in (*OPTIONS, "--enable-unsafe-swiftshader"):
+        for option in OPTIONS:
             options.add_argument(option)
         options.binary_location = shutil.which("chromium")
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})

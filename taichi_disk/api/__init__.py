@@ -19,6 +19,7 @@ from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.computation.driver import State as State
 from taichi_disk.computation.outcome import Outcome
 from taichi_disk.computation.scenario import Scenario
+from taichi_disk.computation.workload import memory_note
 from taichi_disk.config.tree import Source, as_path
 from taichi_disk.errors import InputError, did_you_mean, nearest
 from taichi_disk.lattice import Array, Lattice, OwnStart, disk_of, numbers
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from taichi_disk.output.inline import Film, Plot
 
 __all__ = ["Modes", "Result", "State", "run"]
+MAX_NAMED_TIMES = 5  # number of times in a notice
 
 
 @dataclass(frozen=True)
@@ -231,6 +233,7 @@ class Result:
         format: str | None = None,
         frames: int = FRAMES,
         times: Sequence[float] | Array | None = None,
+        say: Callable[[str], None] = lambda text: None,
     ) -> Path:
         """Write a trajectory for another program and return the path of the file.
 
@@ -239,14 +242,17 @@ class Result:
                 file trajectory.SUFFIX.
             format: format in a folder: "xyz", "gsd", "vtu" or "npz".
             frames: number of moments, evenly spaced in time.
-            times: ascending times within the run to use instead [R/c].
+            times: ascending times within the run to use instead [R/c]; the states are
+                those of the nearest steps.
+            say: receives a sentence if a state is not at the time in `times`.
 
         Raises InputError for times outside the run, an unknown format, or one whose
         package is not installed.
         """
         from taichi_disk.output.export import export_run
 
-        if times is None:
+        chosen = times
+        if chosen is None:
             if not (
                 isinstance(frames, (int, np.integer)) and 1 <= frames <= MOST_FRAMES
             ):
@@ -254,10 +260,22 @@ class Result:
                     f"frames: must be a whole number from 1 to {MOST_FRAMES:,}, not"
                     f" {frames}"
                 )
-            times = np.linspace(0.0, self.series["t"][-1], frames)
-        return export_run(
-            self.scenario, self._states(times), as_path(path, "path"), format
-        )
+            chosen = np.linspace(0.0, self.series["t"][-1], frames)
+        exported: list[float] = []
+
+        def recorded() -> Iterator[State]:
+            for state in self._states(chosen):
+                exported.append(state.t)
+                yield state
+
+        out = as_path(path, "path")
+        file = export_run(self.scenario, recorded(), out, format)
+        if times is not None and not np.allclose(exported, times, rtol=1e-6):
+            at = ", ".join(f"{t:.6g}" for t in exported[:MAX_NAMED_TIMES])
+            if len(exported) > MAX_NAMED_TIMES:
+                at += ", …"
+            say(f"the states are those of the nearest steps, at t = {at} R/c")
+        return file
 
     def _states(self, times: Any) -> Iterator[State]:
         times = np.atleast_1d(numbers(times, "times"))
@@ -471,7 +489,8 @@ class Result:
         if summary.get("lattice_digest", "") != work.own.digest:
             raise InputError(
                 f"{folder}: the lattice or the velocities in lattice.npz have changed"
-                " since the run"
+                " since the run, or another version of the program wrote them: run"
+                f" {path} again"
             )
         # The step of the run is accepted, even if it is beyond the stability limit.
         outcome = work.solve(work.build(), 1, force=True, estimate=estimate)
@@ -530,7 +549,8 @@ def run(
 
     Raises InputError, with nothing written, if the arguments are invalid;
     SimulationError if the computation fails. `out` then holds summary.json with the
-    reason and, after a blow-up, failure.npz.
+    reason and, after a blow-up, failure.npz. If only files cannot be written, because
+    the disk is full, the result is returned, and `summary["status"]` is "failed".
     """
     raise_if_interrupted()  # during imports
     scene = scene if isinstance(scene, DiskScene) else load_scene(scene)
@@ -560,6 +580,9 @@ def run(
     # reads the files of a lattice and velocities only once, because they may change
     work = Work(scene, lattice, velocities, progress, started)
     own = work.own
+    note = memory_note(scene.lattice.points + scene.wall_points)
+    if note:
+        say(note)
     options: dict[str, Any] = {"lattices": lattices, "force": force, "say": say}
     if out is None:
         if export:
@@ -569,4 +592,6 @@ def run(
     out, text = as_path(out, "out"), own.repeating(work.scene).to_yaml()
     with run_folder(out, text, not count_on, overwrite, say, own.digest) as folder:
         outcome = work.into(folder, video, export, threads, **options)
-    return Result(work.scene, outcome, folder.out, own)
+    # without room for anything there is no folder
+    written = folder.out if folder.out.is_dir() else None
+    return Result(work.scene, outcome, written, own)

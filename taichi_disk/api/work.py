@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -22,7 +23,7 @@ from taichi_disk.output.plot import Begin, plotting_beside
 from taichi_disk.output.report import headline
 from taichi_disk.output.run_folder import RunFolder
 from taichi_disk.progress import Progress, silent
-from taichi_disk.scenes import Scene, check_memory
+from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import setup_of
 
 # default and greatest number of frames of a trajectory
@@ -76,7 +77,6 @@ class Work:
         """Return the scenario of the scene. Raises InputError if it cannot be computed.
         `threads` as for `run`."""
         scene, own = self.scene, self.own
-        check_memory(scene)
         runtime.start(threads)
         scenario = scene.scenario(self._body(), own.velocities)
         self.lap("build")
@@ -93,7 +93,8 @@ class Work:
         outcome = compute(scenario, self.progress, spectrum_of=spectrum_of, **options)
         self.lap("simulate", compile=outcome.compile_seconds)
         summary = self._heading("done") | outcome.summary | {"video": None}
-        notes = scene.notes(scenario.lattice.disk_points)
+        lattice = scenario.lattice
+        notes = [*lattice.notes, *scene.notes(lattice.disk_points)]
         count, note = lattice_count(own, outcome, lattices)
         if count > 1:
             summary["lattices"] = compare_lattices(
@@ -150,20 +151,37 @@ class Work:
                 known = outcome.summary
                 if export:
                     times = np.linspace(0.0, outcome.columns["t"][-1], FRAMES)
-                    export_run(scenario, outcome.replay(times), folder.path, export)
+                    try:
+                        moments = outcome.replay(times)
+                        export_run(scenario, moments, folder.path, export)
+                    except Exception as error:
+                        known["export_error"] = str(error) or repr(error)
                     self.lap("export")
-                self.write(folder, outcome, video, plot)
+                try:
+                    self.write(folder, outcome, video, plot)
+                except SimulationError as error:  # the disk is full
+                    # The computed numbers are returned and printed in any case.
+                    known |= {"status": "failed", "reason": str(error)}
+                    self._write_reason(folder.path, known)
             return outcome
         except (SimulationError, KeyboardInterrupt) as failure:
             status = (
                 "interrupted" if isinstance(failure, KeyboardInterrupt) else "failed"
             )
             self.lap(status)
-            if isinstance(failure, BlowUp):
-                files.write_arrays(folder.path / "failure.npz", **failure.last_good)
             known |= self._heading(status, str(failure) or None)
-            files.write_summary(folder.path / "summary.json", known)
+            self._write_reason(folder.path, known)
+            if isinstance(failure, BlowUp):
+                with suppress(SimulationError):  # the reason is the blow-up
+                    files.write_arrays(folder.path / "failure.npz", **failure.last_good)
             raise
+
+    def _write_reason(self, path: Path, summary: dict[str, Any]) -> None:
+        """Write the summary of a run without its end, if there is room for it."""
+        for partial in path.glob(".*.new.*"):  # of the process that draws the plot
+            files.remove(partial)
+        with suppress(SimulationError):
+            files.write_summary(path / "summary.json", summary)
 
     def write_start(self, path: Path, scenario: Scenario) -> None:
         lattice, impedance = scenario.lattice, scenario.model.impedance
@@ -174,12 +192,15 @@ class Work:
     def write(
         self, folder: RunFolder, outcome: Outcome, video: bool, plot: Begin
     ) -> None:
-        """Write the files of a run: results, then pictures, and summary.json last,
-        which says why a picture is missing.
+        """Write the files of a run: results, then pictures, and summary.json first and
+        last, which says why a picture is missing.
 
         `plot` is what `plotting_beside` yields.
         """
         path, summary, scenario = folder.path, outcome.summary, outcome.scenario
+        # The first file holds the numbers, in case there is no room for the others.
+        incomplete = {"status": "failed", "reason": "its files could not be written"}
+        files.write_summary(path / "summary.json", summary | incomplete)
         section, asked = scenario.scene.video, scenario.scene.time.sample_interval
         # Write all rows of a loading, because they are not equally spaced.
         interval = 0.0 if asked == "auto" or scenario.static else asked

@@ -19,7 +19,6 @@ from taichi_disk.integrators import Integrator
 from taichi_disk.lattice import Lattice
 from taichi_disk.lattice.network import laplacian, largest_eigenvalue
 from taichi_disk.physics import Model
-from taichi_disk.signals import interruptible
 
 # Ratio of the largest force on one point to the force on a point of a smooth rim.
 # Measured: 0.06 to 1.5, with
@@ -61,8 +60,8 @@ def spectrum(lattice: Lattice, model: Model) -> Spectrum:
     stiffness = model.springs.stiffness(lattice, lattice.positions)
     masses, damping = lattice.masses, 0.0
     if model.springs.damped:
-        damping = interruptible(largest_eigenvalue, laplacian(lattice), masses)
-    omega = float(np.sqrt(interruptible(largest_eigenvalue, stiffness, masses)))
+        damping = largest_eigenvalue(laplacian(lattice), masses)
+    omega = float(np.sqrt(largest_eigenvalue(stiffness, masses)))
     return Spectrum(omega, damping, float(masses.min()), len(lattice.positions))
 
 

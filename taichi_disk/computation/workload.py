@@ -11,13 +11,19 @@ if TYPE_CHECKING:
 
 # bytes of a process and of each point; measured with 1,099 to 2,000,000 points
 PROCESS, POINT = 3e8, 2e3
+NOTED_MEMORY = 1e9  # [bytes] from which a run is announced
 LONG_RUN = 60.0, 1e7  # [s], number of steps; a longer run is announced
 FORCE_TIME = 4e-9  # [s] for one spring force on one core
 PART_OF_LIMIT = 0.1  # fraction of the default time limit after which scenes usually end
 
 
-def memory(points: int) -> float:
-    return PROCESS + POINT * points
+def memory_note(points: int) -> str:
+    """Return a sentence about the memory that `points` points will need, or an empty
+    string if they need less than NOTED_MEMORY."""
+    needed = PROCESS + POINT * points
+    if needed < NOTED_MEMORY:
+        return ""
+    return f"{points:,} points need about {needed / 1e9:.1f} GB of memory"
 
 
 def duration(seconds: float) -> str:
@@ -43,9 +49,5 @@ def announcement(driver: Driver) -> str | None:
     seconds = steps * springs * step.integrator.cost(points) * FORCE_TIME / parallel
     if seconds < LONG_RUN[0] and steps < LONG_RUN[1]:
         return None
-    text = (
-        f"this will take about {duration(seconds)} and {memory(points) / 1e9:.1f} GB of"
-        " memory"
-    )
     work = f"{steps:.0e} steps of {step.dt:.2g} R/c for {springs:,} springs"
-    return f"{text}: some {work}".replace("e+0", "e")
+    return f"this will take about {duration(seconds)}: some {work}".replace("e+0", "e")

@@ -8,7 +8,8 @@ elastic disk.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+import re
+from dataclasses import Field, dataclass, field, fields
 from functools import cache
 from math import cos, sin
 from typing import (
@@ -44,6 +45,11 @@ Draw: TypeAlias = Literal["field", "springs", "both", "points"]
 Theme: TypeAlias = Literal["light", "dark"]
 
 
+# control characters and lone surrogates; U+DC80 to U+DCFF stand for the bytes of a name
+# that is not UTF-8
+_UNUSABLE = re.compile("[\x00-\x1f\x7f-\x9f\ud800-\udc7f\udd00-\udfff]")
+
+
 @dataclass(frozen=True)
 class Key:
     """Allowed values of a key: one of `words`, a number from `low` to `high`, true or
@@ -61,41 +67,42 @@ class Key:
         """Return whether the key may have this value. A whole number is accepted for a
         float."""
         if isinstance(value, str):
-            return value in self.words or (
-                self.kind is str
-                and not self.words
-                and value != ""
-                and value.isprintable()
-            )
-        if type(value) is not self.kind and (type(value), self.kind) != (int, float):
+            takes_file = self.kind is str and not self.words
+            return value in self.words or (takes_file and _is_file_name(value))
+        if self.kind is bool:
+            return type(value) is bool
+        is_number = type(value) is self.kind or (type(value), self.kind) == (int, float)
+        if not is_number or not self.low <= value <= self.high:
             return False
-        return self.kind is bool or (
-            self.low <= value <= self.high and not (self.step and value % self.step)
-        )
+        return self.step == 0 or value % self.step == 0
 
     def allowed(self) -> str:
         if self.kind is bool:
             return "true or false"
         if self.kind is str:
             return either(self.words or ("none", "the name of a file"))
-        number = "a whole number" if self.kind is int else "a number"
-        if self.step:
-            number = (
-                "an even whole number"
-                if self.step == 2
-                else f"a multiple of {self.step:g}"
-            )
-        low, high = (
-            (
-                str(bound)
-                if isinstance(bound, int)
-                else f"{bound:.5g}".replace("e-0", "e-").replace("e+0", "e")
-            )
-            for bound in (self.low, self.high)
-        )
-        return either([*self.words, f"{number} from {low} to {high}"]) + (
-            f" [{self.unit}]" if self.unit else ""
-        )
+        number = "a number"
+        if self.kind is int:
+            number = "a whole number"
+        if self.step == 2:
+            number = "an even whole number"
+        elif self.step:
+            number = f"a multiple of {self.step:g}"
+        bounds = f"{number} from {_shown(self.low)} to {_shown(self.high)}"
+        allowed = either([*self.words, bounds])
+        if self.unit:
+            allowed += f" [{self.unit}]"
+        return allowed
+
+
+def _is_file_name(text: str) -> bool:
+    return text != "" and _UNUSABLE.search(text) is None
+
+
+def _shown(bound: float) -> str:
+    if isinstance(bound, int):
+        return str(bound)
+    return f"{bound:.5g}".replace("e-0", "e-").replace("e+0", "e")
 
 
 def key(default: Any, meaning: str, unit: str = "", **bounds: float) -> Any:
@@ -120,19 +127,23 @@ class Section(Frozen):
     @classmethod
     @cache
     def schema(cls) -> dict[str, Key]:
-        keys = {}
-        for item in fields(cls):
-            hint = get_type_hints(cls)[item.name]
-            # members of a union, or words of a Literal
-            parts = get_args(hint) or (hint,)
-            words = tuple(
-                word
-                for part in parts
-                for word in ([part] if isinstance(part, str) else get_args(part))
-            )
-            kind = next((part for part in parts if isinstance(part, type)), str)
-            keys[item.name] = Key(kind, words, **item.metadata)
-        return keys
+        hints = get_type_hints(cls)
+        return {item.name: _key_of(hints[item.name], item) for item in fields(cls)}
+
+
+def _key_of(hint: Any, item: Field[Any]) -> Key:
+    # members of a union; or the words of a Literal; or nothing, if it is a single type
+    parts = get_args(hint) or (hint,)
+    words: list[str] = []
+    kind: type = str
+    for part in parts:
+        if isinstance(part, str):
+            words.append(part)
+        elif isinstance(part, type):
+            kind = part
+        else:
+            words += get_args(part)
+    return Key(kind, tuple(words), **item.metadata)
 
 
 class LatticeSection(Section):
@@ -167,8 +178,8 @@ class LatticeSection(Section):
     )
     file: str = key(
         "none",
-        ".csv or .npz file with custom points instead of random ones; relative to the"
-        " scene file",
+        "table, .npz file or mesh with custom points instead of random ones; relative"
+        " to the scene file",
     )
     velocities: str = key(
         "none",
@@ -201,17 +212,17 @@ class MaterialSection(Section):
     def eta(self, points: int) -> float:
         """Return the dashpot constant of the springs in a disk of `points` points [M
         c/R]."""
-        return self.eta_star / points if self.viscosity == "auto" else self.viscosity
+        if self.viscosity == "auto":
+            return self.eta_star / points
+        return self.viscosity
 
     @property
     def dashpots(self) -> tuple[str, float]:
         """Name and value of the key that sets the dashpots; the value 0 means no
         dashpots."""
-        return (
-            ("eta_star", self.eta_star)
-            if self.viscosity == "auto"
-            else ("viscosity", self.viscosity)
-        )
+        if self.viscosity == "auto":
+            return "eta_star", self.eta_star
+        return "viscosity", self.viscosity
 
 
 class WallSection(ExponentialPotential, Section):

@@ -16,8 +16,8 @@ from typing import Any, NamedTuple, TypeAlias
 
 import yaml
 
-from taichi_disk.errors import InputError, did_you_mean
-from taichi_disk.signals import interruptible
+from taichi_disk.errors import InputError, did_you_mean, printable
+from taichi_disk.text_files import read_text
 
 Source: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any]"
 Keys: TypeAlias = tuple[str, ...]  # from the top of the scene down to a value
@@ -97,6 +97,8 @@ class Tree:
         return self.entries[path]
 
 
+# the minus sign of typography, which people copy from papers and web pages
+_MINUS = "\u2212"
 # Meaning of plain scalars. PyYAML itself reads 1e-3 as text, 010 and 1:30 as numbers,
 # and `yes` as true.
 _WORDS = {"": None, "~": None, "null": None, "true": True, "false": False}
@@ -186,13 +188,13 @@ def _meaning(text: str) -> Any:
     word = text.lower()
     if word in _WORDS:
         return _WORDS[word]
-    if _INTEGER.fullmatch(word):
-        return int(word, {"0o": 8, "0x": 16}.get(word[:2], 10))
-    return (
-        float(word.replace(".inf", "inf").replace(".nan", "nan"))
-        if _FLOAT.fullmatch(word)
-        else text
-    )
+    number = word.replace(_MINUS, "-")
+    if _INTEGER.fullmatch(number):
+        base = {"0o": 8, "0x": 16}.get(number[:2], 10)
+        return int(number, base)
+    if _FLOAT.fullmatch(number):
+        return float(number.replace(".inf", "inf").replace(".nan", "nan"))
+    return text
 
 
 def _as_written(node: yaml.Node) -> str:
@@ -243,13 +245,6 @@ def tree_of(data: Mapping[str, Any]) -> Tree:
     return tree
 
 
-def printable(text: str, width: int = 40) -> str:
-    """Escape characters that a terminal cannot show, and cut the text at `width`
-    characters."""
-    text = text if text.isprintable() else ascii(text)[1:-1]
-    return text if len(text) <= width else text[: width - 3] + "..."
-
-
 def read_tree(source: Source, overrides: Sequence[str]) -> Tree:
     """Read `source` and apply `overrides` of the form "section.key=value".
 
@@ -296,19 +291,9 @@ def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
         path = shipped_scenes().get(str(path), path)
     label = printable(str(path), width=1000)
     try:
-        data = interruptible(path.read_bytes)  # a pipe may wait for its writer
         # A pipe has no folder.
-        return (
-            label,
-            str(path.parent) if path.is_file() else "",
-            data.decode("utf-8-sig"),
-        )
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise InputError(
-            f"{label}:{line}: not UTF-8 text (byte {data[error.start]:#x}): save it as"
-            " UTF-8"
-        ) from None
+        folder = str(path.parent) if path.is_file() else ""
+        text = read_text(path, accept_pipe=True)
     except (FileNotFoundError, NotADirectoryError):
         known = shipped_scenes()
         hint = did_you_mean(path.stem, known) or "."
@@ -319,15 +304,21 @@ def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
         raise InputError(
             f"{label}: cannot be read: {getattr(error, 'strerror', None) or error}"
         ) from None
+    return label, folder, text
 
 
 def as_path(path: Any, name: str) -> Path:
     """Return `path` with ~ expanded. Raises InputError with the argument's `name` if it
     is no path."""
     try:
-        return Path(path).expanduser()
-    except (TypeError, RuntimeError):  # RuntimeError if ~ names no user
+        expanded = Path(path).expanduser()
+    except TypeError:
         raise InputError(f"{name}: must be a path, not {path!r:.60}") from None
+    except RuntimeError:
+        raise InputError(f"{name}: {path}: there is no user of this name") from None
+    if "\0" in str(expanded):
+        raise InputError(f"{name}: a path has no null characters, as {path!r:.60} has")
+    return expanded
 
 
 def _override(tree: Tree, override: str, rank: int) -> None:

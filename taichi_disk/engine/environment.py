@@ -3,7 +3,9 @@ kernels, and what it prints."""
 
 from __future__ import annotations
 
+import atexit
 import os
+import shutil
 import sys
 import tempfile
 from pathlib import Path
@@ -44,8 +46,8 @@ def keeps_kernels() -> bool:
 def prepare() -> None:
     """Give the engine a writable home and cache, without which it aborts or crashes at
     the end."""
-    # If the user has none (cron, systemd, a container's user), kernels go into a new
-    # folder in the temporary directory, and a note on stderr says so.
+    # If the user has none (cron, systemd, a container's user), kernels go into a folder
+    # in the temporary directory until this process ends, and a note on stderr says so.
     for name, value in DEFAULTS.items():
         os.environ.setdefault(name, value)
     if sys.platform == "win32":  # Taichi would use C:/taichi_cache for every user
@@ -53,9 +55,10 @@ def prepare() -> None:
     if keeps_kernels():
         return
     folder = tempfile.mkdtemp(prefix="taichi-disk-")
+    # called after the engine, which is imported later, has written its cache
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
     print(
-        f"note: no writable home; compiled kernels go into {folder}, which no later run"
-        " uses",
+        "note: no writable home, so no later run can use this run's compiled kernels",
         file=sys.stderr,
     )
     os.environ["HOME"] = folder

@@ -38,6 +38,15 @@ MATERIAL = {
 }
 
 MARKERS = "osD^vPX"
+COLOURS = matplotlib.colormaps["plasma"]
+LIGHTEST = 0.62  # place in COLOURS whose contrast to white is 3.2
+GREY = "0.45"
+EQUATIONS = {"eq5": "eq. (5)", "eq4": "eq. (4)"}
+PARAMETERS = {"eq5": "d₁ and d₂", "eq4": "τ₀"}
+LINES = {"eq5": "-", "eq4": ":"}
+# Lines of laws that do not hold: long dashes instead of a solid line, short ones
+# instead of a dotted line.
+MISFIT: dict[str, Any] = {"-": (0.0, (7.0, 2.5)), ":": (0.0, (2.5, 2.0))}
 SYMBOLS = {
     "eta_star": "η*",
     "viscosity": "η",
@@ -90,37 +99,44 @@ class Curve:
         """Standard deviation over lattices (points,), or None for a single lattice."""
         return np.asarray(self.y.std(0, ddof=1)) if len(self.y) > 1 else None
 
+    @property
+    def lattices(self) -> int:
+        return len(self.y)
+
     def summary(self) -> dict[str, Any]:
+        deviation = None
+        if self.deviation is not None:
+            deviation = self.deviation.tolist()
         return {
             **self.label,
-            "lattices": len(self.y),
+            "lattices": self.lattices,
             "young": _number(self.young),
             "poisson": _number(self.poisson),
             "x": self.x.tolist(),
             "mean": self.mean.tolist(),
-            "standard_deviation": (
-                None if self.deviation is None else self.deviation.tolist()
-            ),
-            "fits": {
-                name: {
-                    "values": {
-                        key: _number(value) for key, value in fit.values.items()
-                    },
-                    "intervals_95": {
-                        key: [_number(edge) for edge in pair]
-                        for key, pair in fit.intervals.items()
-                    },
-                    "rms_residual": _number(fit.rms),
-                    "residuals": [_number(value) for value in fit.residuals],
-                }
-                for name, fit in self.fits.items()
-            },
+            "standard_deviation": deviation,
+            "fits": {name: _fit_summary(fit) for name, fit in self.fits.items()},
         }
 
 
+def _fit_summary(fit: Fit) -> dict[str, Any]:
+    intervals = {}
+    for name, (low, high) in fit.intervals.items():
+        intervals[name] = [_number(low), _number(high)]
+    return {
+        "values": {name: _number(value) for name, value in fit.values.items()},
+        "intervals_95": intervals,
+        "rms_residual": _number(fit.rms),
+        "rms_over_scatter": _number(fit.misfit),
+        "holds": fit.holds,
+        "residuals": [_number(value) for value in fit.residuals],
+    }
+
+
 def _number(value: float) -> float | None:
-    # None if the law cannot be fitted
-    return float(value) if np.isfinite(value) else None
+    if np.isfinite(value):
+        return float(value)
+    return None  # the law cannot be fitted, or there is only one lattice
 
 
 class FitRule(NamedTuple):
@@ -135,15 +151,14 @@ class FitRule(NamedTuple):
     max_speed: float = np.inf
 
     def applies(self, curve: Curve) -> bool:
-        unit = curve.young**0.5 if self.needs_moduli else 1.0
-        is_valid = bool(np.isfinite(unit)) and bool(
-            curve.x.max() <= self.max_speed * unit
-        )
-        return (
-            is_valid
-            and len(curve.x) >= self.min_points
-            and (curve.is_damped or not self.needs_damping)
-        )
+        unit = 1.0
+        if self.needs_moduli:
+            unit = curve.young**0.5
+        if not np.isfinite(unit) or curve.x.max() > self.max_speed * unit:
+            return False
+        if self.needs_damping and not curve.is_damped:
+            return False
+        return len(curve.x) >= self.min_points
 
 
 FITS = {
@@ -190,68 +205,89 @@ def analyse(base: Scene, axes: Sequence[str], rows: Sequence[Row]) -> list[Curve
     `base`: a scene of the sweep, for the keys that are not swept; `axes`: the swept
         keys.
     """
-    figure, names = (
-        FIGURES.get(base.scene),
-        {target_of(base, name): name for name in axes},
-    )
-    abscissa, seed = (
-        names.get(base.abscissa) if figure else None,
-        names.get(("lattice", "seed")),
-    )
-    if figure is None or abscissa is None:
+    figure = FIGURES.get(base.scene)
+    if figure is None:
         return []
+    names = {target_of(base, name): name for name in axes}
+    abscissa = names.get(base.abscissa)
+    if abscissa is None:
+        return []
+    seed = names.get(("lattice", "seed"))
     others = [name for name in axes if name not in (abscissa, seed)]
     of_material = [name for name in others if target_of(base, name) in MATERIAL]
-    by_material, curves = (
-        grouped([row for row in rows if row["status"] == "done"], of_material),
-        [],
-    )
+    done = [row for row in rows if row["status"] == "done"]
+    by_material = grouped(done, of_material)
+    curves = []
     for values, members in grouped(rows, others).items():
         label = dict(zip(others, values, strict=True))
-        done = {
-            (row[seed] if seed else 0, row[abscissa]): row
-            for row in members
-            if row["status"] == "done"
-        }
-        x = sorted({row[abscissa] for row in members})
-        lattices = [
-            k
-            for k in sorted({k for k, _ in done})
-            if all((k, value) in done for value in x)
-        ]
-        if not lattices:
+        x, results = _measured(members, abscissa, seed, base.results)
+        if results is None:
             continue
-        y = {
-            name: np.array(
-                [[done[k, value][name] for value in x] for k in lattices], float
-            )
-            for name in base.results
-        }
-        # A lattice counts once even if it has several rows. None becomes NaN.
         same_material = by_material[tuple(label[name] for name in of_material)]
-        moduli = {
-            row[seed] if seed else 0: (row["young"], row["poisson"])
-            for row in same_material
-        }
-        young, poisson = np.array(list(moduli.values()), float).mean(axis=0)
-        swept = {
-            to[1]: label[name]
-            for to, name in names.items()
-            if to and to[0] == "material" and name in label
-        }
-        is_damped = bool(replace(base.material, **swept).dashpots[1])
+        young, poisson = _mean_moduli(same_material, seed)
         curve = Curve(
-            label, np.array(x, float), y, float(young), float(poisson), is_damped
+            label=label,
+            x=x,
+            results=results,
+            young=young,
+            poisson=poisson,
+            is_damped=_is_damped(base, label),
         )
-        curve.fits.update(
-            {
-                name: FITS[name].fit(curve)
-                for name in figure.fits
-                if FITS[name].applies(curve)
-            }
-        )
+        for name in figure.fits:
+            if FITS[name].applies(curve):
+                curve.fits[name] = FITS[name].fit(curve)
         curves.append(curve)
     return curves
+
+
+def _measured(
+    rows: Sequence[Row], abscissa: str, seed: str | None, names: Sequence[str]
+) -> tuple[Array, dict[str, Array] | None]:
+    """Return the places x (points,) of a curve, and each result (lattices, points) of
+    the lattices without a failed point; None if there is no such lattice."""
+    places = sorted({row[abscissa] for row in rows})
+    by_lattice: dict[Any, dict[Any, Row]] = {}
+    for row in rows:
+        if row["status"] == "done":
+            by_lattice.setdefault(_lattice(row, seed), {})[row[abscissa]] = row
+    complete = []
+    for lattice in sorted(by_lattice):
+        if len(by_lattice[lattice]) == len(places):
+            complete.append(by_lattice[lattice])
+    x = np.array(places, float)
+    if not complete:
+        return x, None
+    results = {}
+    for name in names:
+        table = [[row[place][name] for place in places] for row in complete]
+        results[name] = np.array(table, float)
+    return x, results
+
+
+def _lattice(row: Row, seed: str | None) -> Any:
+    """Return the seed of a row's lattice, 0 if it is not swept."""
+    if seed is None:
+        return 0
+    return row[seed]
+
+
+def _mean_moduli(rows: Sequence[Row], seed: str | None) -> tuple[float, float]:
+    """Return E and nu, means over lattices; a lattice counts once even if it has
+    several rows. NaN if they are unknown."""
+    moduli = {}
+    for row in rows:
+        moduli[_lattice(row, seed)] = (row["young"], row["poisson"])
+    young, poisson = np.array(list(moduli.values()), float).mean(axis=0)
+    return float(young), float(poisson)
+
+
+def _is_damped(base: Scene, label: dict[str, Any]) -> bool:
+    swept = {}
+    for name, value in label.items():
+        section, key = target_of(base, name) or ("", "")
+        if section == "material":
+            swept[key] = value
+    return bool(replace(base.material, **swept).dashpots[1])
 
 
 def grouped(
@@ -269,37 +305,55 @@ def curve_rows(
     """Yield for each of `curves`, results of `Curve.summary`, its label and a list of
     (law, parameters), as text."""
     for curve in curves:
-        swept = {name: value for name, value in curve.items() if name not in CURVE_KEYS}
-        keys = [
-            f"{name}: {f'{value:g}' if isinstance(value, float) else value}"
-            for name, value in swept.items()
-        ]
-        label = ", ".join(
-            [
-                *keys,
-                f"{curve['lattices']} lattice{'s' if curve['lattices'] > 1 else ''}",
-            ]
-        )
-        yield (
-            label,
-            [
-                (FITS[name].title, _parameters(fit))
-                for name, fit in curve["fits"].items()
-            ],
-        )
+        keys = []
+        for name, value in curve.items():
+            if name not in CURVE_KEYS:
+                keys.append(f"{name}: {_as_text(value)}")
+        keys.append(_counted(curve["lattices"]))
+        laws = []
+        for name, fit in curve["fits"].items():
+            laws.append((FITS[name].title, _fit_text(fit)))
+        yield ", ".join(keys), laws
 
 
-def _parameters(fit: dict[str, Any]) -> str:
-    """Return the fitted parameters with their 95 % intervals, "none" if the law does
-    not fit."""
+def _as_text(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:g}"
+    return str(value)
+
+
+def _counted(lattices: int) -> str:
+    if lattices == 1:
+        return "1 lattice"
+    return f"{lattices} lattices"
+
+
+def _fit_text(fit: dict[str, Any]) -> str:
+    """Return the fitted parameters with their 95 % intervals, "none" if the law cannot
+    be fitted, and whether it holds."""
     parts = []
     for name, value in fit["values"].items():
-        pair = fit["intervals_95"].get(name) or [None]
-        interval = "" if None in pair else f" [{pair[0]:.4g}, {pair[1]:.4g}]"
+        if value is None:
+            parts.append(f"{name} = none")
+            continue
+        part = f"{name} = {value:.4g}"
+        low, high = fit["intervals_95"].get(name, (None, None))
+        if low is not None and high is not None:
+            part += f" [{low:.4g}, {high:.4g}]"
+        parts.append(part)
+    if not fit["holds"]:
         parts.append(
-            f"{name} = none" if value is None else f"{name} = {value:.4g}{interval}"
+            f"rms {fit['rms_residual']:.2g}, {times(fit['rms_over_scatter'])} times the"
+            " scatter: the law does not hold here"
         )
     return "   ".join(parts)
+
+
+def times(ratio: float) -> str:
+    """Return a ratio with one digit after the point if it is below 10."""
+    if ratio < 9.95:
+        return f"{ratio:.1f}"
+    return f"{ratio:.0f}"
 
 
 # ---- drawing, as wide as a column of a journal
@@ -346,16 +400,19 @@ def one_plot(height: float) -> tuple[Plot, Axes]:
 
 
 def _drawn(scene: Scene, curves: list[Curve]) -> Plot:
-    figure, ax = one_plot(2.9 + 0.09 * len(curves))
     layout = FIGURES[scene.scene]
+    figure, ax = one_plot(2.9 + 0.09 * len(curves))
     layout.draw(ax, layout.paper, curves)
+    handles, labels = ax.get_legend_handles_labels()
     # The legend lists the simulated points first, then the lines of the laws.
     entries = sorted(
-        zip(*ax.get_legend_handles_labels(), strict=True),
+        zip(handles, labels, strict=True),
         key=lambda entry: isinstance(entry[0], Line2D),
     )
     if entries:  # there are none if E is unknown, as for lattices from a file
-        figure.legend(*zip(*entries, strict=True), loc="outside upper center", ncols=2)
+        handles = [handle for handle, _ in entries]
+        labels = [label for _, label in entries]
+        figure.legend(handles, labels, loc="outside upper center", ncols=2)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # keeps the layout the same in all formats
     return figure
@@ -365,112 +422,165 @@ def curve_label(label: dict[str, Any]) -> str:
     parts = []
     for name, value in label.items():
         symbol = SYMBOLS.get(name.split(".")[-1], name)
-        text = f"{value:.4g}" if isinstance(value, float) else str(value)
-        parts.append(f"{symbol} = {text}" if symbol else text)
+        text = str(value)
+        if isinstance(value, float):
+            text = f"{value:.4g}"
+        if symbol:
+            text = f"{symbol} = {text}"
+        parts.append(text)
     return ", ".join(parts) or "simulated"
 
 
 def curve_styles(count: int) -> list[dict[str, Any]]:
-    colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, count))
-    return [
-        {"color": rgba, "marker": MARKERS[k % len(MARKERS)], "elinewidth": 0.8}
-        for k, rgba in enumerate(colours)
-    ]
+    """Return colour and marker of each curve. The order of the curves is that of
+    lightness."""
+    colours = COLOURS(np.linspace(0.0, LIGHTEST, count))
+    styles = []
+    for k, colour in enumerate(colours):
+        marker = MARKERS[k % len(MARKERS)]
+        styles.append({"color": colour, "marker": marker, "elinewidth": 0.8})
+    return styles
 
 
 def explain_bars(ax: Axes, lattices: Iterable[int]) -> None:
     """Add the meaning of the bars to the legend. `lattices`: numbers of lattices in the
     means."""
-    if several := sorted({count for count in lattices if count > 1}):
+    several = sorted({count for count in lattices if count > 1})
+    if several:
         text = f"bars: {' or '.join(map(str, several))} lattices"
         ax.errorbar(
-            [], [], [], color="0.45", linestyle="none", elinewidth=0.8, label=text
+            [], [], [], color=GREY, linestyle="none", elinewidth=0.8, label=text
         )
 
 
-def _points(ax: Axes, curves: list[Curve], upright: bool) -> list[Any]:
-    """Draw the mean and scatter over lattices of each curve; return the colours.
-    `upright`: results on the y axis."""
+def _points(ax: Axes, curves: list[Curve]) -> list[Any]:
+    """Draw the mean and scatter over lattices of each curve against its speeds; return
+    the colours."""
     styles = curve_styles(len(curves))
     for curve, style in zip(curves, styles, strict=True):
-        force = curve.x / (np.pi * curve.young)
-        values = (
-            (curve.x, curve.mean, curve.deviation)
-            if upright
-            else (curve.mean, force, None, curve.deviation)
+        ax.errorbar(
+            curve.x,
+            curve.mean,
+            curve.deviation,
+            markersize=3.5,
+            linestyle="none",
+            label=curve_label(curve.label),
+            **style,
         )
-        size, label = 3.5 if upright else 4.0, curve_label(curve.label)
-        ax.errorbar(*values, **style, markersize=size, linestyle="none", label=label)
-    explain_bars(ax, (len(curve.y) for curve in curves))
+    explain_bars(ax, [curve.lattices for curve in curves])
     return [style["color"] for style in styles]
+
+
+def _pressed_points(ax: Axes, curves: list[Curve]) -> None:
+    """Draw the force of each curve against its mean compression, whose scatter over
+    lattices lies along x."""
+    for curve, style in zip(curves, curve_styles(len(curves)), strict=True):
+        ax.errorbar(
+            curve.mean,
+            _force(curve.x, curve),
+            xerr=curve.deviation,
+            markersize=4.0,
+            linestyle="none",
+            label=curve_label(curve.label),
+            **style,
+        )
+    explain_bars(ax, [curve.lattices for curve in curves])
+
+
+def _force(pressure: Array, curve: Curve) -> Array:
+    return pressure / (np.pi * curve.young)
 
 
 def _compression(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None:
     """Draw figure 2: P/(pi R E) against xi/R, with the laws for the first curve that
     has several pressures."""
-    curves = [curve for curve in curves if np.isfinite(curve.young)]
-    _points(ax, curves, upright=False)
-    first = next((curve for curve in curves if len(curve.x) > 1), None)
-    if first is not None:
-        P = np.linspace(first.x.min(), first.x.max(), 60)
-        b, printed = first.fits["eq2"].values["b"], paper["b"]
-        for law, style, text in (
-            (
-                paper_compression(P, first.young, first.poisson, b),
-                "-",
-                f"eq. (2), b = {b:.3f} fitted",
-            ),
-            (
-                paper_compression(P, first.young, first.poisson, printed),
-                ":",
-                f"eq. (2), b = {printed} (paper)",
-            ),
-            (
-                exact_compression(P, first.young, first.poisson),
-                "--",
-                "exact law, rigid wall",
-            ),
-        ):
-            ax.plot(law, P / (np.pi * first.young), style, color=SUM, label=text)
     ax.set_xlabel("compression  ξ/R")
     ax.set_ylabel("force  P/(π R E)")
+    curves = [curve for curve in curves if np.isfinite(curve.young)]
+    _pressed_points(ax, curves)
+    with_law = [curve for curve in curves if len(curve.x) > 1]
+    if not with_law:
+        return
+    first = with_law[0]
+    E = first.young
+    nu = first.poisson
+    P = np.linspace(first.x.min(), first.x.max(), 60)
+    force = _force(P, first)
+    fit = first.fits["eq2"]
+    b = fit.values["b"]
+    printed = paper["b"]
+    style = "-"
+    text = f"eq. (2), b = {b:.3f} fitted"
+    if not fit.holds:
+        style = MISFIT["-"]
+        text = "eq. (2)" + _misfit_text([fit.misfit])
+    ax.plot(
+        paper_compression(P, E, nu, b), force, linestyle=style, color=SUM, label=text
+    )
+    text = f"eq. (2), b = {printed} (paper)"
+    ax.plot(paper_compression(P, E, nu, printed), force, ":", color=SUM, label=text)
+    text = "exact law, rigid wall"
+    ax.plot(exact_compression(P, E, nu), force, "--", color=SUM, label=text)
 
 
 def _impact(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None:
-    colours = _points(ax, curves, upright=True)
+    """Draw figures 3 and 6: restitution against speed, with the laws of each curve."""
+    ax.set_xlabel("impact speed  v/c")
+    ax.set_ylabel("coefficient of restitution  e")
+    colours = _points(ax, curves)
     for curve, colour in zip(curves, colours, strict=True):
-        fit = curve.fits.get("eq5")
-        if fit is not None and np.isfinite(fit.values["d1"]):
-            v = np.geomspace(curve.x.min(), curve.x.max(), 80)
-            ax.plot(
-                v,
-                theory.paper_restitution(v, fit.values["d1"], fit.values["d2"]),
-                color=colour,
-            )
-        if "eq4" in curve.fits:
-            predict = theory.quasistatic_curves(tuple(curve.x.tolist()), curve.young)
-            e = predict(np.array([curve.fits["eq4"].values["tau0"]]))[0]
-            ax.plot(curve.x, e, ":", color=colour)
-    for name, style, text in (
-        ("eq5", "-", "eq. (5), d₁ and d₂ fitted"),
-        ("eq4", ":", "eq. (4), τ₀ fitted"),
-    ):
-        if any(name in curve.fits for curve in curves):
-            ax.plot([], [], style, color="0.45", label=text)
+        for name, style in LINES.items():
+            fit = curve.fits.get(name)
+            if fit is not None and np.isfinite(list(fit.values.values())).all():
+                v, e = LAWS[name](curve, fit)
+                if not fit.holds:
+                    style = MISFIT[style]
+                ax.plot(v, e, linestyle=style, color=colour)
+    for name in LINES:
+        fits = [curve.fits[name] for curve in curves if name in curve.fits]
+        _explain_lines(ax, name, fits)
     x = np.concatenate([curve.x for curve in curves])
     if paper:
         v = np.geomspace(x.min(), x.max(), 80)
+        e = theory.paper_restitution(v, paper["d1"], paper["d2"])
         text = f"eq. (5), paper: d₁ = {paper['d1']}, d₂ = {paper['d2']}"
-        ax.plot(
-            v,
-            theory.paper_restitution(v, paper["d1"], paper["d2"]),
-            "--",
-            color=SUM,
-            label=text,
-        )
+        ax.plot(v, e, "--", color=SUM, label=text)
     log_if_wide(ax, x)
-    ax.set_xlabel("impact speed  v/c")
-    ax.set_ylabel("coefficient of restitution  e")
+
+
+def _eq5(curve: Curve, fit: Fit) -> tuple[Array, Array]:
+    """Return speeds and e of eq. (5)."""
+    v = np.geomspace(curve.x.min(), curve.x.max(), 80)
+    return v, theory.paper_restitution(v, fit.values["d1"], fit.values["d2"])
+
+
+def _eq4(curve: Curve, fit: Fit) -> tuple[Array, Array]:
+    """Return speeds and e of eq. (4)."""
+    predict = theory.quasistatic_curves(tuple(curve.x.tolist()), curve.young)
+    return curve.x, predict(np.array([fit.values["tau0"]]))[0]
+
+
+def _explain_lines(ax: Axes, name: str, fits: Sequence[Fit]) -> None:
+    """Add a law's line to the legend, and its line where it does not hold."""
+    title = EQUATIONS[name]
+    style = LINES[name]
+    misfits = [fit.misfit for fit in fits if not fit.holds]
+    if len(misfits) < len(fits):
+        text = f"{title}, {PARAMETERS[name]} fitted"
+        ax.plot([], [], style, color=GREY, label=text)
+    if misfits:
+        text = title + _misfit_text(misfits)
+        ax.plot([], [], linestyle=MISFIT[style], color=GREY, label=text)
+
+
+def _misfit_text(misfits: Sequence[float]) -> str:
+    """Return what the legend says of a law that does not hold: residuals in bars."""
+    lowest = times(min(misfits))
+    highest = times(max(misfits))
+    ratios = f"{lowest} to {highest}"
+    if lowest == highest:
+        ratios = lowest
+    return f" fails: {ratios} × bars"
 
 
 def log_if_wide(ax: Axes, x: Array) -> None:
@@ -481,6 +591,9 @@ def log_if_wide(ax: Axes, x: Array) -> None:
         ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
         ax.xaxis.set_minor_formatter(NullFormatter())
+
+
+LAWS = {"eq5": _eq5, "eq4": _eq4}  # functions that return the line of a law
 
 
 class PaperFigure(NamedTuple):

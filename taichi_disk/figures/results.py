@@ -4,8 +4,10 @@ bars."""
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from taichi_disk.errors import InputError
 from taichi_disk.figures import curves as drawing
@@ -31,72 +33,100 @@ def result_figure(
     swept, or `y` is no column of numbers.
     """
     names = {target_of(base, name): name for name in axes}
-    if (axis := names.get(target_of(base, x))) is None:
+    axis = names.get(target_of(base, x))
+    if axis is None:
         raise InputError(f"x: {x} is not swept; there are {', '.join(axes)}")
-    done = [
-        row
-        for row in rows
-        if row["status"] == "done" and isinstance(row.get(y), (int, float))
-    ]
+    done = [row for row in rows if row["status"] == "done" and _is_number(row.get(y))]
     if not done:
         raise InputError(
             f"y: no row has a number {y}; there are {', '.join(_numeric(rows))}"
         )
     seed = names.get(("lattice", "seed"))
-    curves = grouped(
-        done, others := [name for name in axes if name not in (axis, seed)]
-    )
+    others = [name for name in axes if name not in (axis, seed)]
     with matplotlib_style({**STYLE, **FONT}):
-        figure, ax = drawing.one_plot(2.6 + 0.09 * len(curves))
-        counts = set[int]()
-        for style, (values, members) in zip(
-            drawing.curve_styles(len(curves)), curves.items(), strict=True
-        ):
-            at = {
-                place: [row[y] for row in group]
-                for (place,), group in grouped(members, [axis]).items()
-            }
-            places = (
-                sorted(at)
-                if all(isinstance(place, (int, float)) for place in at)
-                else list(at)
-            )
-            counts |= {len(at[place]) for place in places}
-            means = [np.mean(at[place]) for place in places]
-            bars = [
-                np.std(at[place], ddof=1) if len(at[place]) > 1 else np.nan
-                for place in places
-            ]
-            label = (
-                drawing.curve_label(dict(zip(others, values, strict=True)))
-                if others
-                else None
-            )
-            ax.errorbar(
-                places, means, bars, **style, linestyle="-", markersize=3.5, label=label
-            )
-        drawing.explain_bars(ax, counts)
-        if isinstance(done[0][axis], float):
-            drawing.log_if_wide(ax, np.array([row[axis] for row in done]))
-        section, key = target_of(base, axis) or ("", "")
-        unit = base.sections()[section].schema()[key].unit
-        ax.set_xlabel(_label(SYMBOLS.get(key) or key.replace("_", " "), unit))
-        ax.set_ylabel(_label(*LABELS.get(y, (y.replace("_", " "), ""))))
-        if ax.get_legend_handles_labels()[1]:
-            figure.legend(loc="outside upper center", ncols=2)
-        return drawing.to_change(figure)
+        return _figure(base, axis, others, done, y)
+
+
+def _figure(
+    base: Scene, axis: str, others: Sequence[str], rows: Sequence[Row], y: str
+) -> Plot:
+    """Draw column `y` of `rows` against `axis`, a curve for each value of `others`."""
+    curves = grouped(rows, others)
+    figure, ax = drawing.one_plot(2.6 + 0.09 * len(curves))
+    counts: set[int] = set()
+    styles = drawing.curve_styles(len(curves))
+    for style, (values, members) in zip(styles, curves.items(), strict=True):
+        places, means, deviations, lattices = _means(members, axis, y)
+        counts.update(lattices)
+        label = None
+        if others:
+            label = drawing.curve_label(dict(zip(others, values, strict=True)))
+        ax.errorbar(
+            places,
+            means,
+            deviations,
+            linestyle="-",
+            markersize=3.5,
+            label=label,
+            **style,
+        )
+    drawing.explain_bars(ax, counts)
+    if isinstance(rows[0][axis], float):
+        drawing.log_if_wide(ax, np.array([row[axis] for row in rows]))
+    _set_labels(ax, base, axis, y)
+    _, labels = ax.get_legend_handles_labels()
+    if labels:
+        figure.legend(loc="outside upper center", ncols=2)
+    return drawing.to_change(figure)
+
+
+def _means(
+    rows: Sequence[Row], axis: str, y: str
+) -> tuple[list[Any], list[float], list[float], list[int]]:
+    """Return the places on `axis`, sorted if they are numbers, and at each of them the
+    mean of column `y` over lattices, its standard deviation (NaN for a single lattice),
+    and the number of lattices."""
+    at = {}
+    for (place,), group in grouped(rows, [axis]).items():
+        at[place] = [row[y] for row in group]
+    places = list(at)
+    if all(_is_number(place) for place in places):
+        places.sort()
+    means = [float(np.mean(at[place])) for place in places]
+    lattices = [len(at[place]) for place in places]
+    deviations = []
+    for place in places:
+        deviation = np.nan
+        if len(at[place]) > 1:
+            deviation = float(np.std(at[place], ddof=1))
+        deviations.append(deviation)
+    return places, means, deviations, lattices
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float))
 
 
 def _numeric(rows: Sequence[Row]) -> list[str]:
-    return list(
-        dict.fromkeys(
-            name
-            for row in rows
-            for name, value in row.items()
-            if isinstance(value, (int, float))
-        )
-    )
+    """Return the names of columns with numbers, in their order."""
+    names: dict[str, None] = {}
+    for row in rows:
+        for name, value in row.items():
+            if _is_number(value):
+                names[name] = None
+    return list(names)
+
+
+def _set_labels(ax: Axes, base: Scene, axis: str, y: str) -> None:
+    section, key = target_of(base, axis) or ("", "")
+    unit = base.sections()[section].schema()[key].unit
+    symbol = SYMBOLS.get(key) or key.replace("_", " ")
+    ax.set_xlabel(_label(symbol, unit))
+    name, unit = LABELS.get(y, (y.replace("_", " "), ""))
+    ax.set_ylabel(_label(name, unit))
 
 
 def _label(name: str, unit: str) -> str:
-    return f"{name}  [{unit}]" if unit else name
+    if unit:
+        return f"{name}  [{unit}]"
+    return name

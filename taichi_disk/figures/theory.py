@@ -28,6 +28,7 @@ from taichi_disk.scenes.compression import paper_compression
 Prediction = Callable[[Array], Array]
 RESAMPLES = 1000
 LEVEL = 0.95
+MAX_MISFIT = 3.0  # of a law that holds: residuals divided by the scatter of lattices
 MAX_TAU0 = 2.0  # largest tau0 at e_star = 1 [R/c]
 # relative tolerance of the integration of eq. (4); the error of e is 2e-10
 IMPACT_TOLERANCE = 1e-9
@@ -51,10 +52,25 @@ class Fit:
     # 95 % confidence intervals over lattices; empty for a single lattice
     intervals: dict[str, tuple[float, float]]
     residuals: Array  # (points,) mean over lattices minus the fit
+    # standard deviation over lattices, root mean square over points; NaN for a single
+    # lattice
+    scatter: float
 
     @property
     def rms(self) -> float:
         return float(np.sqrt(np.mean(self.residuals**2)))
+
+    @property
+    def misfit(self) -> float:
+        """`rms` divided by the scatter of the lattices; NaN if there is no scatter."""
+        if self.scatter > 0.0:
+            return self.rms / self.scatter
+        return np.nan
+
+    @property
+    def holds(self) -> bool:
+        """Whether the law agrees with the lattices, as far as their scatter tells."""
+        return not self.misfit > MAX_MISFIT
 
 
 def fit_b(pressure: Array, xi: Array, young: float, poisson: float) -> Fit:
@@ -68,69 +84,74 @@ def fit_b(pressure: Array, xi: Array, young: float, poisson: float) -> Fit:
         data = weights @ xi
 
         def relative(b: Array) -> Array:
-            return (
-                paper_compression(pressure, young, poisson, np.maximum(b, 1e-6)) / data
-            )
+            positive = np.maximum(b, 1e-6)
+            return paper_compression(pressure, young, poisson, positive) / data
 
-        return np.maximum(
-            least_squares(relative, np.ones_like(data), np.ones((len(data), 1))), 0.0
-        )
+        start = np.ones((len(data), 1))
+        b = least_squares(relative, np.ones_like(data), start)
+        return np.maximum(b, 0.0)
 
     best, intervals = _over_lattices(("b",), solve, len(xi))
+    law = paper_compression(pressure, young, poisson, best["b"])
     each = solve(np.eye(len(xi)))[:, 0]
-    residuals = xi.mean(0) - paper_compression(pressure, young, poisson, best["b"])
-    extremes = {
-        "b_min": float(each.min()),
-        "b_median": float(np.median(each)),
-        "b_max": float(each.max()),
-    }
-    return Fit(best | extremes, intervals, residuals)
+    best["b_min"] = float(each.min())
+    best["b_median"] = float(np.median(each))
+    best["b_max"] = float(each.max())
+    return Fit(best, intervals, xi.mean(0) - law, _scatter(xi))
 
 
 def fit_restitution(velocity: Array, e: Array, d1_is_1: bool = False) -> Fit:
     """Fit d1 and d2 of eq. (5) to e (lattices, velocities); `velocity` [c], where c is
     the paper's."""
+    # Eq. (5) squared is a line: e^2 = A - B s with A = d1^2 and B = d1^2 d2. The line
+    # that fits e^2 is the start of the fit to e.
     s = 1.0 / np.sqrt(np.log(4.0 / velocity))
+
+    def law(level: float | Array, slope: Array) -> Array:
+        return np.asarray(np.sqrt(np.maximum(level - slope * s, 0.0)))
 
     def solve(weights: Array) -> Array:
         data = weights @ e
-        # A linear fit of e^2 = A - B s, which is eq. (5), gives the start of the fit to
-        # e.
-        if d1_is_1:
-            start = ((1.0 - data**2) @ s / (s @ s))[:, None]
-            d2 = least_squares(
-                lambda p: np.sqrt(np.maximum(1.0 - p * s, 0.0)), data, start
-            )
-            return np.concatenate([np.ones_like(d2), d2], axis=1)
         slope, level = np.polyfit(s, (data**2).T, 1)
         start = np.stack([level, -slope], axis=1)
-        A, B = least_squares(
-            lambda p: np.sqrt(np.maximum(p[:, :1] - p[:, 1:] * s, 0.0)), data, start
-        ).T
-        return np.stack([np.sqrt(np.where(A > 0.0, A, np.nan)), B / A], axis=1)
+        best = least_squares(lambda p: law(p[:, :1], p[:, 1:]), data, start)
+        A, B = best.T
+        d1 = np.sqrt(np.where(A > 0.0, A, np.nan))
+        return np.stack([d1, B / A], axis=1)
 
-    best, intervals = _over_lattices(("d1", "d2"), solve, len(e))
+    def solve_d2(weights: Array) -> Array:
+        data = weights @ e
+        start = (1.0 - data**2) @ s / (s @ s)
+        d2 = least_squares(lambda p: law(1.0, p), data, start[:, None])
+        return np.concatenate([np.ones_like(d2), d2], axis=1)
+
+    names = ("d1", "d2")
     if d1_is_1:
+        best, intervals = _over_lattices(names, solve_d2, len(e))
         intervals.pop("d1", None)
-    return Fit(
-        best, intervals, e.mean(0) - paper_restitution(velocity, best["d1"], best["d2"])
-    )
+    else:
+        best, intervals = _over_lattices(names, solve, len(e))
+    fitted = paper_restitution(velocity, best["d1"], best["d2"])
+    return Fit(best, intervals, e.mean(0) - fitted, _scatter(e))
 
 
 def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
     """Fit tau0 [R/c] of eq. (4) to e (lattices, velocities); `velocity` [c], `e_star`
     [M c^2/R^2]."""
-    predict, unit = quasistatic_curves(tuple(velocity.tolist()), e_star), e_star**-0.5
+    predict = quasistatic_curves(tuple(velocity.tolist()), e_star)
+    unit = e_star**-0.5
     grid = np.geomspace(1e-3, MAX_TAU0, 48, dtype=np.float64)
 
     def solve(weights: Array) -> Array:
         data = weights @ e
-        squares = ((predict(unit * grid)[None] - data[:, None]) ** 2).sum(2)
-        start = grid[np.argmin(squares, axis=1)][:, None]
+        deviations = predict(unit * grid)[None] - data[:, None]
+        nearest = np.argmin((deviations**2).sum(2), axis=1)
+        start = grid[nearest][:, None]
         return unit * least_squares(lambda tau: predict(unit * tau[:, 0]), data, start)
 
     best, intervals = _over_lattices(("tau0",), solve, len(e))
-    return Fit(best, intervals, e.mean(0) - predict(np.array([best["tau0"]]))[0])
+    fitted = predict(np.array([best["tau0"]]))[0]
+    return Fit(best, intervals, e.mean(0) - fitted, _scatter(e))
 
 
 @lru_cache(maxsize=4)  # shared by all curves of a figure
@@ -139,21 +160,19 @@ def quasistatic_curves(velocity: tuple[float, ...], e_star: float) -> Prediction
     # It is a polynomial in ln(1 + 5 tau0) through 11 Chebyshev points, accurate to
     # 5e-7. Speeds and times are scaled by sqrt(e_star) and its inverse, so that it is
     # computed at e_star = 1.
-    top, nodes, unit = (
-        np.log1p(5.0 * MAX_TAU0),
-        -np.cos(np.linspace(0.0, np.pi, 11)),
-        e_star**-0.5,
-    )
-    table = _restitutions(
-        unit * np.array(velocity), np.expm1(0.5 * top * (1.0 + nodes))[:, None] / 5.0
-    )
+    unit = e_star**-0.5
+    top = np.log1p(5.0 * MAX_TAU0)
+    nodes = -np.cos(np.linspace(0.0, np.pi, 11))
+    tau0_of_nodes = np.expm1(0.5 * top * (1.0 + nodes)) / 5.0
+    table = _restitutions(unit * np.array(velocity), tau0_of_nodes[:, None])
     series = chebfit(nodes, table, 10)
-    return lambda tau0: (
-        chebval(
-            2.0 * np.log1p(5.0 * np.clip(tau0 / unit, 0.0, MAX_TAU0)) / top - 1.0,
-            series,
-        ).T
-    )
+
+    def predict(tau0: Array) -> Array:
+        scaled = np.clip(tau0 / unit, 0.0, MAX_TAU0)
+        place = 2.0 * np.log1p(5.0 * scaled) / top - 1.0
+        return chebval(place, series).T
+
+    return predict
 
 
 def _restitutions(velocity: Array, tau0: Array) -> Array:
@@ -170,21 +189,30 @@ def _restitutions(velocity: Array, tau0: Array) -> Array:
     # both ends, where ln xi is steep.
     from scipy.integrate import solve_ivp
 
-    steep, first = np.log(4.0 / velocity), np.arctan(tau0)
-    start = 0.5 * np.log1p(tau0**2) + 0.0 * steep
+    steepness = np.log(4.0 / velocity)
+    first = np.arctan(tau0)
+    span = np.pi - first
+    start = 0.5 * np.log1p(tau0**2) + 0.0 * steepness
 
-    def slope(t: float, y: Array) -> Array:
-        """Return d(log r)/dt, where phi = first + (pi - first) (10 t^3 - 15 t^4 + 6
-        t^5)."""
-        phi = first + (np.pi - first) * t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
-        s, c = np.sin(phi), np.cos(phi)
-        depth = np.maximum(s - tau0 * c, 1e-300)
-        g = np.pi / (steep - np.log(depth) - y.reshape(start.shape))
-        change = s * (c * (1.0 - g) - tau0 * g * s) / (c * c + g * s * depth)
-        return np.ravel(change * (np.pi - first) * 30.0 * (t * (1.0 - t)) ** 2)
+    def slope(t: float, log_r: Array) -> Array:
+        """Return d(log r)/dt, where phi = first + span (10 t^3 - 15 t^4 + 6 t^5)."""
+        phi = first + span * t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
+        s = np.sin(phi)
+        c = np.cos(phi)
+        depth = np.maximum(s - tau0 * c, 1e-300)  # xi/(v r)
+        g = np.pi / (steepness - np.log(depth) - log_r.reshape(start.shape))
+        gain = s * (c * (1.0 - g) - tau0 * g * s)
+        per_angle = gain / (c * c + g * s * depth)
+        return np.ravel(per_angle * span * 30.0 * (t * (1.0 - t)) ** 2)
 
-    tolerances = {"rtol": IMPACT_TOLERANCE, "atol": IMPACT_TOLERANCE}
-    motion = solve_ivp(slope, (0.0, 1.0), start.ravel(), "DOP853", **tolerances)
+    motion = solve_ivp(
+        slope,
+        (0.0, 1.0),
+        start.ravel(),
+        "DOP853",
+        rtol=IMPACT_TOLERANCE,
+        atol=IMPACT_TOLERANCE,
+    )
     return np.exp(motion.y[:, -1]).reshape(start.shape)
 
 
@@ -192,24 +220,23 @@ def fit_curvature(x: Array, y: Array) -> Fit:
     """Fit parabolas to the lower and the upper half of y (lattices, points) over x;
     return their second derivatives."""
     # Negative values are concave, the paper's "convex upwards".
-    halves = slice(0, len(x) // 2), slice(len(x) // 2, None)
-    powers = [np.vander(x[half] / x.max(), 3) for half in halves]
-    inverse = [np.linalg.pinv(matrix) for matrix in powers]
+    middle = len(x) // 2
+    top = x.max()
+    halves = []
+    for half in (slice(0, middle), slice(middle, None)):
+        powers = np.vander(x[half] / top, 3)
+        halves.append((y[:, half], powers, np.linalg.pinv(powers)))
 
     def solve(weights: Array) -> Array:
-        leading = [
-            (weights @ y[:, half]) @ fit[0]
-            for half, fit in zip(halves, inverse, strict=True)
-        ]
-        return np.stack(leading, axis=1) * 2.0 / x.max() ** 2
+        leading = [(weights @ data) @ inverse[0] for data, _, inverse in halves]
+        return np.stack(leading, axis=1) * 2.0 / top**2
 
     best, intervals = _over_lattices(("slow_half", "fast_half"), solve, len(y))
-    means = [y.mean(0)[half] for half in halves]
-    residuals = [
-        mean - p @ (fit @ mean)
-        for mean, p, fit in zip(means, powers, inverse, strict=True)
-    ]
-    return Fit(best, intervals, np.concatenate(residuals))
+    residuals = []
+    for data, powers, inverse in halves:
+        mean = data.mean(0)
+        residuals.append(mean - powers @ (inverse @ mean))
+    return Fit(best, intervals, np.concatenate(residuals), _scatter(y))
 
 
 def least_squares(model: Prediction, data: Array, start: Array) -> Array:
@@ -218,16 +245,24 @@ def least_squares(model: Prediction, data: Array, start: Array) -> Array:
     x: Array = np.array(start, float)
     for _ in range(12):
         steps = 1e-6 * np.maximum(np.abs(x), 1e-3)
-        columns = [
-            (model(x + steps * unit) - model(x - steps * unit))
-            / (2.0 * steps[:, j, None])
-            for j, unit in enumerate(np.eye(x.shape[1]))
-        ]
+        columns = []
+        for j, unit in enumerate(np.eye(x.shape[1])):
+            change = model(x + steps * unit) - model(x - steps * unit)
+            columns.append(change / (2.0 * steps[:, j, None]))
         J = np.stack(columns, axis=1)
         # ten times faster than pinv(J)
-        square = np.linalg.pinv(J @ J.swapaxes(1, 2), hermitian=True)
-        x += (square @ (J @ (data - model(x))[:, :, None]))[:, :, 0]
+        inverse = np.linalg.pinv(J @ J.swapaxes(1, 2), hermitian=True)
+        residuals = data - model(x)
+        x += (inverse @ (J @ residuals[:, :, None]))[:, :, 0]
     return x
+
+
+def _scatter(y: Array) -> float:
+    """Return the root mean square over points of the standard deviation over lattices
+    of y (lattices, points), NaN for a single lattice."""
+    if len(y) < 2:
+        return np.nan
+    return float(np.sqrt(np.mean(y.var(0, ddof=1))))
 
 
 def _over_lattices(
@@ -239,16 +274,13 @@ def _over_lattices(
     `solve` maps weights (k, lattices) of k means over lattices to parameters (k,
     names).
     """
-    best = solve(np.full((1, lattices), 1.0 / lattices))[0]
-    values = {name: float(best[j]) for j, name in enumerate(names)}
+    equal = np.full(lattices, 1.0 / lattices)
+    best = solve(equal[None])[0]
+    values = dict(zip(names, best.tolist(), strict=True))
     if lattices < 2:
         return values, {}
-    counts = np.random.default_rng(0).multinomial(
-        lattices, np.full(lattices, 1.0 / lattices), RESAMPLES
-    )
-    edges = np.nanquantile(
-        solve(counts / lattices), [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0
-    )
-    return values, {
-        name: (float(edges[0, j]), float(edges[1, j])) for j, name in enumerate(names)
-    }
+    counts = np.random.default_rng(0).multinomial(lattices, equal, RESAMPLES)
+    fits = solve(counts / lattices)
+    low, high = np.nanquantile(fits, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0)
+    pairs = zip(low.tolist(), high.tolist(), strict=True)
+    return values, dict(zip(names, pairs, strict=True))

@@ -2,11 +2,13 @@
 SciPy is imported when used."""
 
 from taichi_disk.lattice.custom import numbers
-from taichi_disk.lattice.files import OwnStart, file_digest, own_start, read_lattice
+from taichi_disk.lattice.files import file_digest
 from taichi_disk.lattice.lattice import Lattice, disk_of
 from taichi_disk.lattice.network import Moduli, bulk_moduli
+from taichi_disk.lattice.own_start import OwnStart, own_start, own_velocities
 from taichi_disk.lattice.random_points import circle_faults
 from taichi_disk.lattice.triangles import Array
 from taichi_disk.lattice.wall import check_thickness, with_wall
 
 disk_lattice = Lattice.disk
+read_lattice = Lattice.read

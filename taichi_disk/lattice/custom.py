@@ -3,73 +3,72 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from taichi_disk.errors import InputError
 from taichi_disk.lattice.random_points import MAX_POINTS, MIN_POINTS, hexagonal_spacing
-from taichi_disk.lattice.triangles import Array, Long, double_area, pair_keys
+from taichi_disk.lattice.triangles import (
+    Array,
+    Long,
+    double_area,
+    is_flat,
+    pair_keys,
+    shown_point,
+)
 
-_MIN_EXTENT, _MAX_EXTENT = 1.0, 4.0  # limits for the larger of width and height [R]
-_MAX_OFFSET = 0.1  # largest distance of the points' mean from x = 0 [R]
+# limits for the larger of width and height [R]
+_MIN_EXTENT = 1.0
+MAX_EXTENT = 4.0
+MAX_OFFSET = 0.1  # largest distance of the points' mean from x = 0 [R]
 # points closer than this are the same point [spacing of a hexagonal lattice]
 _MIN_DISTANCE = 1e-6
 # minimum, maximum, largest ratio; beyond these, steps or sums are not finite
 MASSES = 1e-150, 1e150, 1e15
-STIFFNESS, REST_LENGTHS = (1e-12, 1e12), (1e-9, 1e3)
+STIFFNESS = (1e-12, 1e12)
+REST_LENGTHS = (1e-9, 1e3)
 
 
-def checked_points(points: ArrayLike) -> Array:
-    from taichi_disk.lattice.spatial import cKDTree
-
+def point_array(points: ArrayLike) -> Array:
+    """Return `points` as a new array (n, 2) of finite numbers."""
     x = numbers(points, "points")
     if x.ndim != 2 or x.shape[1] != 2:
         raise InputError(f"points must be an array of shape (n, 2), not {x.shape}")
-    n = len(x)
-    if not MIN_POINTS <= n <= MAX_POINTS:
-        raise InputError(f"a lattice has {MIN_POINTS} to {MAX_POINTS} points, not {n}")
-    if not np.isfinite(x).all():
-        raise InputError(
-            f"point {np.flatnonzero(~np.isfinite(x).all(axis=1))[0]} is not finite"
-        )
-    width, height = np.ptp(x, axis=0)
-    if not _MIN_EXTENT <= max(width, height) <= _MAX_EXTENT:
-        limits = f"the larger must be between {_MIN_EXTENT:g} and {_MAX_EXTENT:g} R"
-        size = f"the points extend over {width:.4g} x {height:.4g} R"
-        raise InputError(
-            f"{size}: {limits} (lengths are in units of the disk's radius R)"
-        )
-    if abs(x[:, 0].mean()) > _MAX_OFFSET:
-        raise InputError(
-            f"the points' mean lies at x = {x[:, 0].mean():.4g} R: shift them so that"
-            " it is at x = 0"
-        )
-    for i, j in sorted(cKDTree(x).query_pairs(_MIN_DISTANCE * hexagonal_spacing(n))):
-        raise InputError(
-            f"points {i} and {j} are the same, ({x[i, 0]:.6g}, {x[i, 1]:.6g})"
-        )
+    _check_count(len(x))
+    for k in np.flatnonzero(~np.isfinite(x).all(axis=1)):
+        raise InputError(f"point {k} is not finite")
     return x
 
 
-def _checked_corners(values: ArrayLike, n: int, name: str, width: int) -> Long:
-    corners = np.asarray(values)
-    if (
-        corners.ndim != 2
-        or corners.shape[1] != width
-        or not np.issubdtype(corners.dtype, np.integer)
-    ):
-        kind = f"{corners.dtype} of shape {corners.shape}"
+def check_body(x: Array, max_offset: float = MAX_OFFSET) -> None:
+    """Raise InputError unless the points `x` (n, 2) [R] are distinct, have the size of
+    a disk, and their mean is at most `max_offset` [R] from x = 0."""
+    from taichi_disk.lattice.spatial import cKDTree
+
+    n = len(x)
+    _check_count(n)
+    width, height = np.ptp(x, axis=0)
+    if not _MIN_EXTENT <= max(width, height) <= MAX_EXTENT:
+        size = f"the points extend over {width:.4g} x {height:.4g} R"
+        limits = f"the larger must be between {_MIN_EXTENT:g} and {MAX_EXTENT:g} R"
         raise InputError(
-            f"{name}s must be whole numbers of shape (any, {width}), not {kind}"
+            f"{size}: {limits} (lengths are in units of the disk's radius R)"
         )
-    corners = corners.astype(np.int64)
-    for k in np.flatnonzero((corners < 0).any(axis=1) | (corners >= n).any(axis=1)):
+    middle = x[:, 0].mean()
+    if abs(middle) > max_offset:
         raise InputError(
-            f"{name} {k} is {corners[k].tolist()}: it must join {width} points of 0 to"
-            f" {n - 1}"
+            f"the points' mean lies at x = {middle:.4g} R: shift them so that it is at"
+            " x = 0"
         )
-    return corners
+    for i, j in sorted(cKDTree(x).query_pairs(_MIN_DISTANCE * hexagonal_spacing(n))):
+        raise InputError(f"points {i} and {j} are the same, {shown_point(x[i])}")
+
+
+def _check_count(n: int) -> None:
+    if not MIN_POINTS <= n <= MAX_POINTS:
+        raise InputError(f"a lattice has {MIN_POINTS} to {MAX_POINTS} points, not {n}")
 
 
 def checked_springs(springs: ArrayLike, n: int) -> Long:
@@ -86,23 +85,101 @@ def checked_springs(springs: ArrayLike, n: int) -> Long:
     return pairs
 
 
-def checked_triangles(triangles: ArrayLike, x: Array, springs: Long | None) -> Long:
+def checked_triangles(
+    triangles: ArrayLike, x: Array, springs: NDArray[np.signedinteger] | None
+) -> Long:
     """Validate `triangles` and orient them counter-clockwise."""
-    n = len(x)
-    corners = _checked_corners(triangles, n, "triangle", 3)
+    corners = _checked_corners(triangles, len(x), "triangle", 3)
+    if len(corners) == 0:
+        raise InputError("there are no triangles")
     clockwise = double_area(x[corners]) < 0.0
     corners[clockwise] = corners[clockwise, ::-1]
+    for k in np.flatnonzero(is_flat(x, corners)):
+        raise InputError(
+            f"{_shown_triangle(corners, k)}, is flat: its corners lie on one line"
+        )
+    _refuse_overlap(corners, x)
     if springs is not None:
-        side = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)
-        for k in np.flatnonzero(
-            ~np.isin(pair_keys(side, n), pair_keys(springs, n)).all(axis=1)
-        ):
-            where = f"triangle {k}, {corners[k].tolist()}"
-            raise InputError(
-                f"{where}, has a side that is no spring: add the spring or remove the"
-                " triangle"
-            )
+        _refuse_missing_sides(corners, springs, len(x))
     return corners
+
+
+def _refuse_overlap(corners: Long, x: Array) -> None:
+    # Two triangles on the same side of a line of two points overlap. Then both have
+    # this line as a side of the same direction, because both are counter-clockwise.
+    start = corners.ravel()
+    end = np.roll(corners, -1, axis=1).ravel()
+    _, first, number = np.unique(
+        start * len(x) + end, return_index=True, return_inverse=True
+    )
+    for side in np.setdiff1d(np.arange(len(start)), first):
+        earlier = first[number[side]] // 3
+        later = side // 3
+        what = f"{_shown_triangle(corners, later)}, and triangle {earlier}"
+        if set(corners[earlier]) == set(corners[later]):
+            raise InputError(f"{what} are the same: give each triangle once")
+        ends = f"points {start[side]} and {end[side]}"
+        raise InputError(
+            f"{what}, {corners[earlier].tolist()}, overlap: they lie on the same side"
+            f" of the line between {ends}"
+        )
+
+
+def _refuse_missing_sides(
+    corners: Long, springs: NDArray[np.signedinteger], n: int
+) -> None:
+    side = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)
+    has_springs = np.isin(pair_keys(side, n), pair_keys(springs, n)).all(axis=1)
+    for k in np.flatnonzero(~has_springs):
+        raise InputError(
+            f"{_shown_triangle(corners, k)}, has a side that is no spring: add the"
+            " spring or remove the triangle"
+        )
+
+
+def _shown_triangle(corners: Long, k: Any) -> str:
+    return f"triangle {k}, {corners[k].tolist()}"
+
+
+def _checked_corners(values: ArrayLike, n: int, name: str, width: int) -> Long:
+    corners = np.asarray(values)
+    has_form = corners.ndim == 2 and corners.shape[1] == width
+    if not has_form or not np.issubdtype(corners.dtype, np.integer):
+        kind = f"{corners.dtype} of shape {corners.shape}"
+        raise InputError(
+            f"{name}s must be whole numbers of shape (any, {width}), not {kind}"
+        )
+    corners = corners.astype(np.int64)
+    is_outside = (corners < 0) | (corners >= n)
+    for k in np.flatnonzero(is_outside.any(axis=1)):
+        raise InputError(
+            f"{name} {k} is {corners[k].tolist()}: it must join {width} points of 0 to"
+            f" {n - 1}"
+        )
+    return corners
+
+
+def used_points(n: int, triangles: Long, springs: Long | None) -> NDArray[np.bool_]:
+    """Return whether each of `n` points is the end of a spring or the corner of a
+    triangle."""
+    used = np.zeros(n, dtype=bool)
+    used[triangles] = True
+    if springs is not None:
+        used[springs] = True
+    return used
+
+
+def left_out(x: Array, used: NDArray[np.bool_]) -> str:
+    """Return a note about the points of `x` (n, 2) that are not `used` (n,)."""
+    unused = np.flatnonzero(~used)
+    k = unused[0]
+    point = f"point {k} at {shown_point(x[k])}"
+    if len(unused) == 1:
+        return f"{point} belongs to no triangle and was left out"
+    return (
+        f"{len(unused):,} points that belong to no triangle were left out, the first"
+        f" is {point}"
+    )
 
 
 def positive(
@@ -113,6 +190,8 @@ def positive(
     high: float,
     ratio: float = np.inf,
 ) -> Array:
+    """Return `values` as an array (count,) of numbers from `low` to `high`, the
+    smallest at least 1/`ratio` of the largest."""
     array = numbers(values, name)
     if array.shape != (count,):
         raise InputError(f"{name} must have the shape ({count},), not {array.shape}")

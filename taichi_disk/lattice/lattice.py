@@ -6,13 +6,23 @@ import math
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice import custom
+from taichi_disk.lattice.files import (
+    TABLES,
+    disk_rows,
+    points_of_disk,
+    read_arrays,
+    reading,
+    rows_of_disk,
+)
+from taichi_disk.lattice.meshes import read_mesh
 from taichi_disk.lattice.random_points import circle_points
 from taichi_disk.lattice.triangles import (
     MAX_SPRING,
@@ -29,9 +39,12 @@ from taichi_disk.lattice.triangles import (
     polygon_area,
     reverse_cuthill_mckee,
     triangles_of,
+    why_not_one_piece,
     without_bridges,
     without_slivers,
 )
+
+IntegerT = TypeVar("IntegerT", bound=np.integer[Any])
 
 
 @dataclass(frozen=True)
@@ -60,62 +73,38 @@ class Lattice:
     origin: str = "custom lattice"  # shown in titles
     # (m,) factors of k_a, k_b and eta of each spring; None: 1
     stiffness: Array | None = None
+    # what was changed when the points were read, for the user
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        n, m, none = np.size(self.masses), np.size(self.rest_lengths), -1
-        real = {"positions": (n, 2), "masses": (n,), "rest_lengths": (m,)}
+        n = np.size(self.masses)
+        m = np.size(self.rest_lengths)
+        _require_reals("positions", self.positions, (n, 2), low=-math.inf)
+        _require_reals("masses", self.masses, (n,))
+        _require_reals("rest_lengths", self.rest_lengths, (m,))
         if self.stiffness is not None:
-            real["stiffness"] = (m,)
-        outlines = dict.fromkeys(
-            ("disk_surface", "wall_surface", "wall_boundary"), (none,)
-        )
-        for name, (rows, *width) in {
-            **real,
-            "bonds": (m, 2),
-            "triangles": (none, 3),
-            **outlines,
-        }.items():
-            array, kind = (
-                getattr(self, name),
-                np.dtype(np.float64 if name in real else np.int32),
-            )
-            shape = (
-                np.size(array) // math.prod(width) if rows == none else rows,
-                *width,
-            )
-            fits = isinstance(array, np.ndarray) and (array.dtype, array.shape) == (
-                kind,
-                shape,
-            )
-            _require(name, fits, f"{kind} of shape {shape}")
-            low, high = (
-                (-math.inf if name == "positions" else 0.0, math.inf)
-                if name in real
-                else (-1, n)
-            )
-            _require(
-                name,
-                ((low < array) & (array < high)).all(),
-                f"numbers above {low:g} and below {high:g}",
-            )
-        rising = (np.diff(self.bonds.astype(np.int64) @ [n, 1]) > 0).all() and (
-            np.diff(self.bonds) > 0
-        ).all()
-        _require("bonds", rising, "pairs i < j of points, sorted, each pair once")
-        _require(
-            "disk_points",
-            self.disk_points in range(1, n + 1),
-            f"a whole number from 1 to {n}",
-        )
+            _require_reals("stiffness", self.stiffness, (m,))
+        _require_indices("bonds", self.bonds, (m, 2), n)
+        triangles = np.size(self.triangles) // 3
+        _require_indices("triangles", self.triangles, (triangles, 3), n)
+        for name in ("disk_surface", "wall_surface", "wall_boundary"):
+            outline = getattr(self, name)
+            _require_indices(name, outline, (np.size(outline),), n)
+            is_simple = len(np.unique(outline)) == len(outline)
+            _require(name, is_simple, "a list of points, each of them once")
+        keys = self.bonds.astype(np.int64) @ [n, 1]
+        is_sorted = (np.diff(keys) > 0).all() and (np.diff(self.bonds) > 0).all()
+        _require("bonds", is_sorted, "pairs i < j of points, sorted, each pair once")
+        has_disk = self.disk_points in range(1, n + 1)
+        _require("disk_points", has_disk, f"a whole number from 1 to {n}")
 
     @property
     def whole(self) -> bool:
         """Whether the disk has no hole, by Euler's formula for the number of its
         triangles."""
         n = self.disk_points
-        return np.count_nonzero(self.triangles[:, 0] < n) == 2 * n - 2 - len(
-            self.disk_surface
-        )
+        of_disk = np.count_nonzero(self.triangles[:, 0] < n)
+        return of_disk == 2 * n - 2 - len(self.disk_surface)
 
     def mean(self, values: Array) -> Any:
         """Return the mass-weighted mean of `values` (n, ...) over the disk; for
@@ -126,14 +115,15 @@ class Lattice:
     @property
     def inertia(self) -> float:
         """Moment of inertia of the disk about its centre of mass [M R^2]."""
-        return float(
-            self.mean(((self.positions - self.mean(self.positions)) ** 2).sum(axis=1))
-        )
+        arm = self.positions - self.mean(self.positions)
+        return float(self.mean((arm**2).sum(axis=1)))
 
     def stiffened(self, values: Any) -> Any:
         """Multiply `values` of the springs, (..., m) or one number, by the stiffness
         factors."""
-        return values if self.stiffness is None else self.stiffness * values
+        if self.stiffness is None:
+            return values
+        return self.stiffness * values
 
     # ---- constructors
 
@@ -174,30 +164,30 @@ class Lattice:
         """
         x = circle_points(points, seed, rim, min_spacing, hole, core_radius)
         triangles = delaunay(x)
-        # remove triangles with all corners on the edge of the hole, which would fill it
+        origin = f"seed {seed}"
         if hole:
-            triangles = triangles[
-                (_distance(x) > (1.0 + 1e-9) * hole)[triangles].any(axis=1)
-            ]
-        lattice = replace(
-            tiled(x, triangles)[0],
-            origin=f"seed {seed}" + f", hole {hole:g} R" * bool(hole),
+            # Triangles with all corners on the edge of the hole would fill it.
+            is_outside = _distance(x) > (1.0 + 1e-9) * hole
+            triangles = triangles[is_outside[triangles].any(axis=1)]
+            origin += f", hole {hole:g} R"
+        lattice = replace(triangulated(x, triangles), origin=origin)
+        if core_radius:
+            return lattice._with_core(core_radius, core_stiffness, core_density)
+        return lattice
+
+    def _with_core(self, radius: float, stiffness: float, density: float) -> Lattice:
+        # 1: inside the core, 0: on its edge, -1: outside
+        side = np.sign(np.round(radius - _distance(self.positions), 9))
+        side_of_springs = np.sign(side[self.bonds].sum(axis=1))
+        masses = 0.5 * (1.0 + density + side * (density - 1.0))
+        factors = 0.5 * (1.0 + stiffness + side_of_springs * (stiffness - 1.0))
+        core = f"core {radius:g} R: k × {stiffness:g}, ρ × {density:g}"
+        return replace(
+            self,
+            origin=f"{self.origin}, {core}",
+            masses=_scaled_masses(masses),
+            stiffness=_stiffness_or_none(factors),
         )
-        if not core_radius:
-            return lattice
-        # 1: inside the core, 0: on its edge
-        side = np.sign(np.round(core_radius - _distance(lattice.positions), 9))
-        masses = 0.5 * (1.0 + core_density + side * (core_density - 1.0))
-        stiffness = 0.5 * (
-            1.0
-            + core_stiffness
-            + np.sign(side[lattice.bonds].sum(axis=1)) * (core_stiffness - 1.0)
-        )
-        origin = (
-            f"{lattice.origin}, core {core_radius:g} R: k × {core_stiffness:g}, ρ ×"
-            f" {core_density:g}"
-        )
-        return replace(lattice, origin=origin, **_non_uniform(masses, stiffness))
 
     @classmethod
     def from_points(
@@ -245,35 +235,115 @@ class Lattice:
         Raises InputError if the points or springs do not form such a body; the message
         says where.
         """
-        x = custom.checked_points(points)
-        bonds = None if springs is None else custom.checked_springs(springs, len(x))
-        if triangles is not None:
-            lattice, order = _first_in_one_piece(
-                x, bonds, custom.checked_triangles(triangles, x, bonds)
+        x = custom.point_array(points)
+        bonds = None
+        if springs is not None:
+            bonds = custom.checked_springs(springs, len(x))
+        elif rest_lengths is not None or stiffness is not None:
+            name = "stiffness" if rest_lengths is None else "rest_lengths"
+            raise InputError(
+                f"{name} without springs: give `springs` too, in the same order"
             )
+        if masses is not None:
+            masses = custom.positive(masses, len(x), "masses", *custom.MASSES)
+        notes: tuple[str, ...] = ()
+        corners = None
+        if triangles is not None:
+            corners = custom.checked_triangles(triangles, x, bonds)
+            used = custom.used_points(len(x), corners, bonds)
+            if not used.all():
+                notes = (custom.left_out(x, used),)
+                number = np.cumsum(used) - 1
+                x = x[used]
+                corners = number[corners]
+                bonds = None if bonds is None else number[bonds]
+                masses = None if masses is None else masses[used]
+        custom.check_body(x)
+
+        if corners is not None:
+            lattice, order = _first_in_one_piece(x, bonds, corners)
         elif bonds is not None:
             lattice, order = _first_in_one_piece(x, bonds, *triangles_of(x, bonds))
         else:
             lattice, order = _meshed(x)
-        arrays: dict[str, Any] = {"masses": lattice.masses}
+        arrays: dict[str, Any] = {"notes": notes}
         if masses is not None:
-            arrays["masses"] = custom.positive(
-                masses, len(x), "masses", *custom.MASSES
-            )[order]
-        for name, values, limits in (
-            ("rest_lengths", rest_lengths, custom.REST_LENGTHS),
-            ("stiffness", stiffness, custom.STIFFNESS),
-        ):
-            if values is not None and bonds is None:
-                raise InputError(
-                    f"{name} without springs: give `springs` too, in the same order"
+            arrays["masses"] = _scaled_masses(masses[order])
+        if bonds is not None:
+            # the place of each spring of the lattice in `springs`
+            rank = np.argsort(pair_keys(np.argsort(order)[bonds], len(x)))
+            count = len(bonds)
+            if rest_lengths is not None:
+                lengths = custom.positive(
+                    rest_lengths, count, "rest_lengths", *custom.REST_LENGTHS
                 )
-            if values is not None and bonds is not None:
-                rank = np.argsort(pair_keys(np.argsort(order)[bonds], len(x)))
-                arrays[name] = custom.positive(values, len(bonds), name, *limits)[rank]
-        return replace(
-            lattice, **arrays | _non_uniform(arrays["masses"], arrays.get("stiffness"))
-        )
+                arrays["rest_lengths"] = lengths[rank]
+            if stiffness is not None:
+                factors = custom.positive(
+                    stiffness, count, "stiffness", *custom.STIFFNESS
+                )
+                arrays["stiffness"] = _stiffness_or_none(factors[rank])
+        return replace(lattice, **arrays)
+
+    @classmethod
+    def read(cls, path: str | Path) -> Lattice:
+        """Read the points of a disk, or a mesh, from a file, as a scene's
+        `lattice.file` does, and return their lattice, made by `from_points`.
+
+        A table (.csv, .txt, .tsv) has the columns x, y [R] and optionally mass, see
+        `read_table`. An npz file has `positions` (n, 2) and optionally `bonds`,
+        `rest_lengths`, `triangles`, `stiffness` and `masses`, like lattice.npz of a
+        run. Positions beyond `disk_points`, an elastic wall, are ignored. A
+        user-supplied lattice that a run has stored (`unloaded`, see docs/output.md) is
+        restored bit for bit. Other files are meshes, see `read_mesh`. `notes` of the
+        lattice say what was scaled or left out.
+
+        Raises InputError with the file's name if the file cannot be read or its points
+        do not form a disk.
+        """
+        path = Path(path)
+        suffix = path.suffix.lower()
+        with reading(path, "file"):
+            if suffix not in TABLES and suffix != ".npz":
+                mesh = read_mesh(path)
+                lattice = cls.from_points(mesh.points, triangles=mesh.triangles)
+                notes = mesh.notes + lattice.notes
+                return replace(lattice, origin=path.name, notes=notes)
+            data = read_arrays(path)
+            if "unloaded" in data:
+                return checked_disk(_restored(data))
+            points = len(np.atleast_1d(data["positions"]))
+            disk_points = points_of_disk(data, points)
+            if disk_points < points:
+                data |= rows_of_disk(data, disk_points)
+            lattice = cls.from_points(
+                data["positions"],
+                data.get("bonds"),
+                data.get("rest_lengths"),
+                triangles=data.get("triangles"),
+                stiffness=data.get("stiffness"),
+                masses=data.get("masses"),
+            )
+            return replace(lattice, origin=path.name)
+
+
+def _restored(data: Mapping[str, Any]) -> Lattice:
+    x = custom.point_array(data["unloaded"])
+    rows = rows_of_disk(data, len(x))
+    none = np.empty(0, np.int32)
+    return Lattice(
+        positions=x,
+        bonds=rows["bonds"],
+        rest_lengths=rows["rest_lengths"],
+        masses=rows["masses"],
+        disk_points=len(x),
+        disk_surface=data["disk_surface"],
+        wall_surface=none,
+        wall_boundary=none,
+        triangles=rows["triangles"],
+        origin=str(data["origin"]),
+        stiffness=rows.get("stiffness"),
+    )
 
 
 def _require(name: str, holds: Any, what: str) -> None:
@@ -284,27 +354,51 @@ def _require(name: str, holds: Any, what: str) -> None:
         )
 
 
+def _require_reals(
+    name: str, array: Any, shape: tuple[int, ...], low: float = 0.0
+) -> None:
+    _require_form(name, array, np.float64, shape)
+    is_inside = (low < array) & (array < math.inf)
+    _require(name, is_inside.all(), f"numbers above {low:g} and below inf")
+
+
+def _require_indices(name: str, array: Any, shape: tuple[int, ...], n: int) -> None:
+    _require_form(name, array, np.int32, shape)
+    is_inside = (array >= 0) & (array < n)
+    _require(name, is_inside.all(), f"numbers above -1 and below {n}")
+
+
+def _require_form(name: str, array: Any, kind: type, shape: tuple[int, ...]) -> None:
+    is_array = isinstance(array, np.ndarray)
+    fits = is_array and array.dtype == kind and array.shape == shape
+    _require(name, fits, f"{np.dtype(kind)} of shape {shape}")
+
+
 def _distance(x: Array) -> Array:
     # not np.hypot, whose rounding depends on the machine
     return np.asarray(np.sqrt(x[:, 0] * x[:, 0] + x[:, 1] * x[:, 1]))
 
 
-def _non_uniform(masses: Array, stiffness: Array | None) -> dict[str, Any]:
-    """Return `masses`, scaled to a sum of 1 M, and `stiffness` for a Lattice. Equal
-    masses are exactly equal."""
-    n = len(masses)
-    is_uniform = (masses == masses[0]).all()
-    masses = np.full(n, 1.0 / n) if is_uniform else masses / math.fsum(masses)
-    return {
-        "masses": masses,
-        "stiffness": (
-            None if stiffness is None or (stiffness == 1.0).all() else stiffness
-        ),
-    }
+def _scaled_masses(masses: Array) -> Array:
+    """Scale `masses` to a sum of 1 M. Equal masses become exactly equal."""
+    if (masses == masses[0]).all():
+        return np.full(len(masses), 1.0 / len(masses))
+    return masses / math.fsum(masses)
+
+
+def _stiffness_or_none(factors: Array) -> Array | None:
+    if (factors == 1.0).all():
+        return None
+    return factors
 
 
 def triangulate(points: Array) -> Lattice:
-    return tiled(points, delaunay(points))[0]
+    return triangulated(points, delaunay(points))
+
+
+def triangulated(points: Array, triangles: Long) -> Lattice:
+    lattice, _ = tiled(points, triangles)
+    return lattice
 
 
 def tiled(
@@ -319,51 +413,62 @@ def tiled(
     of the outline, or if a point belongs to no triangle.
     """
     n = len(points)
-    side, first, count = distinct_sides(triangles, n)
-    area = 0.5 * float(double_area(points[triangles]).sum())
-    # Each hole has a clockwise chain.
-    rings = sorted(
-        chains(side[first[count == 1]]), key=lambda ring: -polygon_area(points[ring])
-    )
-    if not rings:  # there are no triangles, or each is given twice
-        raise SimulationError(
-            "the triangulation has no outline: choose another lattice seed"
-        )
-    outline, *holes = rings
-    are_open = all(polygon_area(points[hole]) < -1e-9 * area for hole in holes)
-    is_tiled = (
-        abs(area - sum(polygon_area(points[ring]) for ring in rings)) <= 1e-9 * area
-    )
-    is_one_piece = n - len(first) + len(triangles) == 1 - len(holes)  # Euler's formula
-    if not (are_open and is_tiled and is_one_piece and len(np.unique(triangles)) == n):
-        raise SimulationError(
-            "the triangulation is degenerate: choose another lattice seed"
-        )
-
-    bonds = side[first] if bonds is None else bonds
+    outline = outline_of(points, triangles)
+    if bonds is None:
+        side, first, _ = distinct_sides(triangles, n)
+        bonds = side[first]
     order = reverse_cuthill_mckee(bonds, n, int(np.argmin(points[:, 0])))
     rank = np.argsort(order)
     bonds = np.sort(rank[bonds], axis=1)
     bonds = bonds[np.argsort(bonds[:, 0] * n + bonds[:, 1])]
-    outline = np.roll(rank[outline], -int(np.argmin(rank[outline])))
-    ends, corners, surface, none = (
-        a.astype(np.int32) for a in (bonds, rank[triangles], outline, np.empty(0))
-    )
     x = points[order]
-    return (
-        Lattice(
-            x,
-            ends,
-            bond_lengths(x, bonds),
-            np.full(n, 1.0 / n),
-            n,
-            surface,
-            none,
-            none,
-            corners,
-        ),
-        order,
+    none = np.empty(0, np.int32)
+    lattice = Lattice(
+        positions=x,
+        bonds=bonds.astype(np.int32),
+        rest_lengths=bond_lengths(x, bonds),
+        masses=np.full(n, 1.0 / n),
+        disk_points=n,
+        disk_surface=from_lowest(rank[outline]).astype(np.int32),
+        wall_surface=none,
+        wall_boundary=none,
+        triangles=rank[triangles].astype(np.int32),
     )
+    return lattice, order
+
+
+def outline_of(points: Array, triangles: Long) -> Long:
+    """Return the outer outline (h,) of `triangles` (t, 3), counter-clockwise.
+
+    Raises SimulationError if the triangles do not tile the interior of the outline, or
+    if a point belongs to no triangle.
+    """
+    n = len(points)
+    side, first, count = distinct_sides(triangles, n)
+    area = 0.5 * float(double_area(points[triangles]).sum())
+    # Each hole has a clockwise chain.
+    rings = chains(side[first[count == 1]])
+    rings.sort(key=lambda ring: -polygon_area(points[ring]))
+    if not rings:  # there are no triangles, or each is given twice
+        raise SimulationError(
+            "the triangulation has no outline: choose another lattice seed"
+        )
+    ring_areas = [polygon_area(points[ring]) for ring in rings]
+    holes = ring_areas[1:]
+    are_open = all(hole < -1e-9 * area for hole in holes)
+    is_tiled = abs(area - sum(ring_areas)) <= 1e-9 * area
+    is_one_piece = n - len(first) + len(triangles) == 1 - len(holes)  # Euler's formula
+    has_all_points = len(np.unique(triangles)) == n
+    if not (are_open and is_tiled and is_one_piece and has_all_points):
+        raise SimulationError(
+            "the triangulation is degenerate: choose another lattice seed"
+        )
+    return rings[0]
+
+
+def from_lowest(ring: NDArray[IntegerT]) -> NDArray[IntegerT]:
+    """Rotate a closed chain of points so that it begins with the lowest index."""
+    return np.roll(ring, -int(np.argmin(ring)))
 
 
 def _first_in_one_piece(
@@ -377,8 +482,8 @@ def _first_in_one_piece(
                 break
     if tiling is None:
         raise InputError(
-            "the triangles of springs do not form one connected piece: join its parts"
-            " by triangles"
+            "the triangles of springs do not form one connected piece:"
+            f" {why_not_one_piece(x, candidates[-1])}"
         )
     return tiling
 
@@ -389,7 +494,8 @@ def _meshed(x: Array) -> tuple[Lattice, Long]:
         x, None, without_slivers(x, triangles), triangles
     )
     length = lattice.rest_lengths
-    k, typical = int(length.argmax()), float(np.median(length))
+    k = int(length.argmax())
+    typical = float(np.median(length))
     if length[k] <= MAX_SPRING * typical:
         return lattice, order
     try:
@@ -413,11 +519,12 @@ def disk_of(lattice: Lattice) -> Lattice:
             f" {type(lattice).__name__}"
         )
     n = lattice.disk_points
-    if abs((total := math.fsum(lattice.masses[:n])) - 1.0) > 1e-9:
+    total = math.fsum(lattice.masses[:n])
+    if abs(total - 1.0) > 1e-9:
         raise InputError(
             f"lattice: the masses of the disk must add up to 1 M, not {total:g}"
         )
-    if not len(lattice.wall_surface):
+    if len(lattice.wall_surface) == 0:
         return lattice
     none = lattice.wall_surface[:0]
     return replace(
@@ -425,18 +532,35 @@ def disk_of(lattice: Lattice) -> Lattice:
     )
 
 
-def disk_rows(arrays: Mapping[str, Any], n: int) -> dict[str, Any]:
-    """Return the rows of the first `n` points for each of a lattice's `arrays` that is
-    not None."""
-    rows: dict[str, Any] = dict.fromkeys(("positions", "masses"), slice(n))
-    for key, names in (
-        ("bonds", ("bonds", "rest_lengths", "stiffness")),
-        ("triangles", ("triangles",)),
-    ):
-        if arrays.get(key) is not None:
-            rows |= dict.fromkeys(names, (arrays[key] < n).all(axis=1))
-    return {
-        name: arrays[name][chosen]
-        for name, chosen in rows.items()
-        if arrays.get(name) is not None
-    }
+def checked_disk(lattice: Lattice) -> Lattice:
+    """Return the disk of a lattice that a user made or stored, without its wall.
+
+    Raises InputError unless its points, springs and triangles form such a body as
+    `Lattice.from_points` makes, and its outline is that of the triangles.
+    """
+    disk = disk_of(lattice)
+    x = disk.positions
+    n = len(x)
+    custom.check_body(x, max_offset=1.0)
+    custom.positive(disk.masses, n, "masses", *custom.MASSES)
+    springs = len(disk.bonds)
+    custom.positive(disk.rest_lengths, springs, "rest_lengths", *custom.REST_LENGTHS)
+    if disk.stiffness is not None:
+        custom.positive(disk.stiffness, springs, "stiffness", *custom.STIFFNESS)
+    triangles = custom.checked_triangles(disk.triangles, x, disk.bonds)
+    if not np.array_equal(triangles, disk.triangles):
+        raise InputError("triangles must be counter-clockwise")
+    try:
+        outline = outline_of(x, triangles)
+    except SimulationError:
+        raise InputError(
+            "the triangles of springs do not form one connected piece:"
+            f" {why_not_one_piece(x, triangles)}"
+        ) from None
+    surface = disk.disk_surface
+    has_outline = len(surface) == len(outline)
+    if not has_outline or (from_lowest(surface) != from_lowest(outline)).any():
+        raise InputError(
+            "disk_surface must be the outline of the triangles, counter-clockwise"
+        )
+    return disk

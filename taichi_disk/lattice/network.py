@@ -43,14 +43,10 @@ def network_stiffness(positions: Array, bonds: Indices, k: Array | float) -> Spa
     `k` is a number or (m,), e the direction of a bond. Degrees of freedom: x0, y0, x1,
     y1, ...
     """
-    e = (positions[bonds[:, 0]] - positions[bonds[:, 1]]) / bond_lengths(
-        positions, bonds
-    )[:, None]
-    return assemble(
-        np.reshape(k, (-1, 1, 1)) * (e[:, :, None] * e[:, None, :]),
-        bonds,
-        len(positions),
-    )
+    start, end = bonds.T
+    e = (positions[start] - positions[end]) / bond_lengths(positions, bonds)[:, None]
+    products = e[:, :, None] * e[:, None, :]
+    return assemble(np.reshape(k, (-1, 1, 1)) * products, bonds, len(positions))
 
 
 def laplacian(lattice: Lattice) -> Sparse:
@@ -68,15 +64,16 @@ def assemble(block: Array, bonds: Indices, n: int) -> Sparse:
     """
     from scipy.sparse import bsr_matrix
 
-    points, width = np.arange(n + 1), block.shape[1]
-    shape, ones = (n * width, n * width), np.tile(np.eye(width), (n, 1))
-    upper = bsr_matrix(
-        (block, bonds[:, 1], np.searchsorted(bonds[:, 0], points)), shape=shape
-    )
+    start, end = bonds.T
+    width = block.shape[1]
+    shape = (n * width, n * width)
+    points = np.arange(n + 1)
+    upper = bsr_matrix((block, end, np.searchsorted(start, points)), shape=shape)
+    # On the diagonal is the sum of the blocks of all bonds of a point.
+    ones = np.tile(np.eye(width), (n, 1))
     sums = (upper @ ones + upper.T @ ones).reshape(n, width, width)
-    return (
-        bsr_matrix((sums, points[:-1], points), shape=shape) - upper - upper.T
-    ).tocsr()
+    diagonal = bsr_matrix((sums, points[:-1], points), shape=shape)
+    return (diagonal - upper - upper.T).tocsr()
 
 
 def symmetric_factors(matrix: Any) -> Any:
@@ -86,12 +83,11 @@ def symmetric_factors(matrix: Any) -> Any:
     # eigenvalues (Sylvester).
     from scipy.sparse.linalg import splu
 
-    symmetric = {"SymmetricMode": True}
     return splu(
         matrix.tocsc(),
         permc_spec="MMD_AT_PLUS_A",
         diag_pivot_thresh=0.0,
-        options=symmetric,
+        options={"SymmetricMode": True},
     )
 
 
@@ -113,10 +109,12 @@ def largest_eigenvalue(matrix: Sparse, masses: Array) -> float:
         value = np.linalg.eigvalsh(scaled.toarray())[-1]
     else:
         start = np.random.default_rng(0).standard_normal(size)
+        # The error of the eigenvalue is the square of the vector's error, so 1e-6 gives
+        # all the digits kept.
+        tolerance = 1e-12
+        if size >= _LARGE_SIZE:
+            tolerance = 1e-6
         try:
-            # The error of the eigenvalue is the square of the vector's error, so 1e-6
-            # gives all the digits kept.
-            tolerance = 1e-12 if size < _LARGE_SIZE else 1e-6
             value = eigsh(
                 scaled,
                 k=1,
@@ -153,8 +151,9 @@ def bending_compliance(stiffness: Sparse) -> float:
     # finite even if a part of the body moves freely
     compliance = 1.0 / np.maximum(values[soft], 1e-12 * stiffest)
     squares = modes[:, soft] ** 2 @ (compliance - compliance[-1])
+    of_points = squares.reshape(-1, 2).sum(axis=1)
     # the last digits depend on the machine's BLAS
-    return float(f"{squares.reshape(-1, 2).sum(axis=1).max():.6g}")
+    return float(f"{of_points.max():.6g}")
 
 
 # ---- moduli
@@ -188,11 +187,11 @@ def bulk_moduli(points: int, seed: int, k: float, min_spacing: float) -> Moduli:
     are as for `Lattice.disk`.
     """
     side = math.sqrt(math.pi)
-    mesh = rectangle(
-        min(max(points, _MIN_SAMPLE), _MAX_SAMPLE), seed, min_spacing, side, side
-    )
+    sample = min(max(points, _MIN_SAMPLE), _MAX_SAMPLE)
+    mesh = rectangle(sample, seed, min_spacing, length=side, width=side)
     x = mesh.positions[:, 0]
-    return inner_moduli(mesh, k, stretch(mesh, k, x == 0.0, x == side))
+    displacements = stretch(mesh, k, left=x == 0.0, right=x == side)
+    return inner_moduli(mesh, k, displacements)
 
 
 def rectangle(
@@ -203,20 +202,15 @@ def rectangle(
 
     Raises InputError if `min_spacing` is out of range or the rectangle is too small.
     """
-    spacing, row = (
-        least_distance(points, min_spacing),
-        2.0 * math.pi / rim_points(points),
+    x = rectangle_points(
+        np.random.default_rng([seed, 2]),
+        points=round(points * length * width / math.pi),
+        low=np.zeros(2),
+        high=np.array([length, width]),
+        row=2.0 * math.pi / rim_points(points),
+        spacing=least_distance(points, min_spacing),
     )
-    low, high, count = (
-        np.zeros(2),
-        np.array([length, width]),
-        round(points * length * width / math.pi),
-    )
-    return triangulate(
-        rectangle_points(
-            np.random.default_rng([seed, 2]), count, low, high, row, spacing
-        )
-    )
+    return triangulate(x)
 
 
 def stretch(
@@ -238,7 +232,8 @@ def stretch(
     fixed = fixed.ravel()
     u = (mesh.positions * [1.0, 0.0]).ravel()
     rows = stiffness[~fixed]
-    u[~fixed] = symmetric_factors(rows[:, ~fixed]).solve(-(rows[:, fixed] @ u[fixed]))
+    force = -(rows[:, fixed] @ u[fixed])
+    u[~fixed] = symmetric_factors(rows[:, ~fixed]).solve(force)
     return u.reshape(-1, 2)
 
 
@@ -251,25 +246,32 @@ def inner_moduli(mesh: Lattice, k: float, u: Array) -> Moduli:
     margin = _EDGE_LAYER * float(mesh.rest_lengths.mean())
     corner = mesh.positions[mesh.triangles]
     middle = corner.mean(axis=1)
-    low, high = mesh.positions.min(axis=0) + margin, mesh.positions.max(axis=0) - margin
+    low = mesh.positions.min(axis=0) + margin
+    high = mesh.positions.max(axis=0) - margin
     inside = ((middle > low) & (middle < high)).all(axis=1)
     if not inside.any():
         raise InputError(
             "the sample is too small: a stretch test needs more than 6 springs in"
             " length and in width"
         )
-    corner, u = corner[inside], u[mesh.triangles[inside]]
+    corner = corner[inside]
+    moved = u[mesh.triangles[inside]]  # displacements of the corners
+    next_moved = np.roll(moved, -1, axis=1)
 
     # Each triangle carries half of a bond's force: area times stress = sum force length
     # e e^T / 2.
-    bond, elongation = (np.roll(a, -1, axis=1) - a for a in (corner, u))
+    bond = np.roll(corner, -1, axis=1) - corner
+    elongation = next_moved - moved
+    bond_x = bond[:, :, 0]
+    bond_y = bond[:, :, 1]
     square = np.sum(bond * bond, axis=2)
     tension = 0.5 * k * np.sum(bond * elongation, axis=2) / square
-    stress_x, stress_y = (float(np.sum(tension * bond[:, :, a] ** 2)) for a in (0, 1))
+    stress_x = float(np.sum(tension * bond_x**2))
+    stress_y = float(np.sum(tension * bond_y**2))
     # Compute area times strain from the triangles' sides by Gauss's theorem.
-    twice = u + np.roll(u, -1, axis=1)
-    strain_x = 0.5 * float(np.sum(twice[:, :, 0] * bond[:, :, 1]))
-    strain_y = -0.5 * float(np.sum(twice[:, :, 1] * bond[:, :, 0]))
+    twice = moved + next_moved
+    strain_x = 0.5 * float(np.sum(twice[:, :, 0] * bond_y))
+    strain_y = -0.5 * float(np.sum(twice[:, :, 1] * bond_x))
     # Solve strain_x = (stress_x - nu stress_y)/E, and the same with x and y exchanged.
     # The common area cancels.
     det = stress_x**2 - stress_y**2

@@ -62,23 +62,26 @@ def circle_points(
         # Triangles on a chord of the rim are at least as high as equilateral ones. The
         # minimum is for four points.
         radius = max(apothem - spacing * np.sqrt(0.75), 0.2 * apothem)
-    corner = np.full(2, radius)
     # If points were closer, some chords of the inner circles would not become springs.
     clear = max(spacing * np.sqrt(0.75), 1.1 * np.pi / count)
-    for inner in filter(None, (hole, core)):
-        turns = np.arange(round(inner * count)) + rng.random()
-        circle = np.concatenate(
-            [circle, inner * _unit_circle(turns / round(inner * count))]
-        )
+    for edge in (hole, core):
+        if edge:
+            on_edge = round(edge * count)
+            turns = (np.arange(on_edge) + rng.random()) / on_edge
+            circle = np.concatenate([circle, edge * _unit_circle(turns)])
 
     def depth(p: Array) -> Array:
         r = np.sqrt(p[:, 0] ** 2 + p[:, 1] ** 2)
         distance = radius - r
         if hole:
             distance = np.minimum(distance, r - hole - clear)
-        return np.minimum(distance, np.abs(r - core) - clear) if core else distance
+        if core:
+            distance = np.minimum(distance, np.abs(r - core) - clear)
+        return distance
 
-    inside = scatter(rng, points - len(circle), -corner, corner, depth, spacing, circle)
+    corner = np.full(2, radius)
+    rest = points - len(circle)
+    inside = scatter(rng, rest, -corner, corner, depth, spacing, circle)
     return np.concatenate([circle, inside])
 
 
@@ -89,9 +92,11 @@ def rim_points(points: int, hole: float = 0.0) -> int:
     # rim/2 points; hexagonal_spacing(n) = 2 pi/rim is then quadratic in rim. With a
     # `hole` [R], the points on its edge count half as well. At least one point stays
     # inside.
+    if points <= 3:
+        return 3
     k = 2.0 * np.pi * np.sqrt(3.0) * (1.0 + hole) / (1.0 - hole)
-    even = round(float(np.sqrt(k * points + k * k / 16.0) - k / 4.0) / (1.0 + hole))
-    return min(even, points - 1) if points > 3 else 3
+    on_edges = float(np.sqrt(k * points + k * k / 16.0) - k / 4.0)
+    return min(round(on_edges / (1.0 + hole)), points - 1)
 
 
 def circle_faults(points: int, hole: float, core: float) -> list[tuple[str, str]]:
@@ -99,35 +104,35 @@ def circle_faults(points: int, hole: float, core: float) -> list[tuple[str, str]
     resolve."""
     # 0.99 if `hole` is not a number
     row = 2.0 * np.pi / rim_points(points, min(0.99, hole))
-    least, faults = MIN_EDGE * row / (2.0 * np.pi), []
-    limits = {
-        "hole": (hole, least, 1.0 - MIN_ROWS * row),
-        "core_radius": (core, max(least, hole + row), 1.0 - row),
-    }
-    for key, (radius, low, high) in limits.items():
-        if radius and not low <= radius <= high:
-            body = f"{points} points" + (
-                f" and a hole of {hole:g} R" if hole and key != "hole" else ""
-            )
-            bound = (
-                "0"
-                if low > high
-                else f"at least {low:.3g}"
-                if radius < low
-                else f"at most {high:.3g}"
-            )
-            need = (
-                f"{MIN_EDGE} springs round its edge and"
-                f" {MIN_ROWS if key == 'hole' else 1} from there to the rim"
-            )
-            text = (
-                f"must be {bound} with {body}, not {radius:g}, because there must be at"
-                f" least {need}"
-            )
-            faults.append(
-                (key, f"{text}: change the radius or increase lattice.points")
-            )
+    least = MIN_EDGE * row / (2.0 * np.pi)
+    body = f"{points} points"
+    faults = []
+    fault = _radius_fault(hole, least, 1.0 - MIN_ROWS * row, body, MIN_ROWS)
+    if fault:
+        faults.append(("hole", fault))
+    if hole:
+        body += f" and a hole of {hole:g} R"
+    fault = _radius_fault(core, max(least, hole + row), 1.0 - row, body, 1)
+    if fault:
+        faults.append(("core_radius", fault))
     return faults
+
+
+def _radius_fault(radius: float, low: float, high: float, body: str, rows: int) -> str:
+    """Return why `body` cannot have an edge of this radius [R] with `rows` springs
+    between edge and rim, or ""."""
+    if not radius or low <= radius <= high:
+        return ""
+    bound = f"at most {high:.3g}"
+    if low > high:
+        bound = "0"
+    elif radius < low:
+        bound = f"at least {low:.3g}"
+    return (
+        f"must be {bound} with {body}, not {radius:g}, because there must be at least"
+        f" {MIN_EDGE} springs round its edge and {rows} from there to the rim: change"
+        " the radius or increase lattice.points"
+    )
 
 
 def _unit_circle(turns: Array) -> Array:
@@ -136,11 +141,12 @@ def _unit_circle(turns: Array) -> Array:
     # cos and sin depends on the processor.
     angle = np.pi * (2.0 * turns - 1.0)
     square = angle * angle
-    c, s = np.ones_like(angle), np.ones_like(angle)
+    cos = np.ones_like(angle)
+    sin_over_angle = np.ones_like(angle)
     for k in range(32, 0, -2):
-        c = 1.0 - square / ((k - 1) * k) * c
-        s = 1.0 - square / (k * (k + 1)) * s
-    xy = -np.stack([c, angle * s], axis=1)
+        cos = 1.0 - square / ((k - 1) * k) * cos
+        sin_over_angle = 1.0 - square / (k * (k + 1)) * sin_over_angle
+    xy = -np.stack([cos, angle * sin_over_angle], axis=1)
     return xy / np.sqrt(xy[:, :1] ** 2 + xy[:, 1:] ** 2)
 
 
@@ -210,49 +216,57 @@ def _adsorb(
 
     side = float(np.sqrt(np.prod(high - low) / (4 * count)))
     nx, ny = np.maximum(np.ceil((high - low) / side), 1).astype(int)
-    cells = low + side * np.stack(
-        np.meshgrid(np.arange(nx), np.arange(ny)), axis=-1
-    ).reshape(-1, 2)
+    grid = np.stack(np.meshgrid(np.arange(nx), np.arange(ny)), axis=-1)
+    cells = low + side * grid.reshape(-1, 2)  # lower left corners
     points = fixed
     total = len(fixed) + count
     while len(points) < total and len(cells):
-        attempts = min(4 * count, 16 * (total - len(points)) + 16)
-        darts = cells[rng.integers(len(cells), size=attempts)] + side * rng.random(
-            (attempts, 2)
-        )
+        missing = total - len(points)
+        attempts = min(4 * count, 16 * missing + 16)
+        corners = cells[rng.integers(len(cells), size=attempts)]
+        darts = corners + side * rng.random((attempts, 2))
         darts = darts[depth(darts) >= 0.0]
         if len(points):
-            darts = darts[
-                cKDTree(points).query(darts, distance_upper_bound=spacing)[0] >= spacing
-            ]
+            distance, _ = cKDTree(points).query(darts, distance_upper_bound=spacing)
+            darts = darts[distance >= spacing]
         darts = _accepted(darts, spacing)
-        points = np.concatenate([points, darts[: total - len(points)]])
+        points = np.concatenate([points, darts[:missing]])
         if len(darts) < _MIN_HIT_RATE * attempts:
-            # Keep only cells that may contain a place in the region at least `spacing`
-            # from all points.
-            half_diagonal = side * np.sqrt(0.5)
-            reach = max(spacing - half_diagonal, 0.0)
-            cells = cells[depth(cells + side / 2) >= -half_diagonal]
-            cells = cells[
-                cKDTree(points).query(cells + side / 2, distance_upper_bound=reach)[0]
-                >= reach
-            ]
+            cells = _free_cells(cells, side, points, depth, spacing)
             side /= 2
             quarters = np.array([[0.0, 0.0], [side, 0.0], [0.0, side], [side, side]])
             cells = (cells[:, None, :] + quarters).reshape(-1, 2)
     return points[len(fixed) :]
 
 
-def _accepted(darts: Array, spacing: float) -> Array:
+def _free_cells(
+    cells: Array, side: float, points: Array, depth: Depth, spacing: float
+) -> Array:
+    """Keep only cells that may contain a place in the region at least `spacing` from
+    all points."""
     from taichi_disk.lattice.spatial import cKDTree
 
-    pairs = np.sort(cKDTree(darts).query_pairs(spacing, output_type="ndarray"), axis=1)
+    half_diagonal = side * np.sqrt(0.5)
+    cells = cells[depth(cells + side / 2) >= -half_diagonal]
+    least = max(spacing - half_diagonal, 0.0)
+    distance, _ = cKDTree(points).query(cells + side / 2, distance_upper_bound=least)
+    return cells[distance >= least]
+
+
+def _accepted(darts: Array, spacing: float) -> Array:
+    """Remove darts that are closer than `spacing` to an earlier one that stays."""
+    from taichi_disk.lattice.spatial import cKDTree
+
+    pairs = cKDTree(darts).query_pairs(spacing, output_type="ndarray")
+    pairs = np.sort(pairs, axis=1)
     rejected = np.zeros(len(darts), dtype=bool)
     while len(pairs):
         undecided = np.zeros(len(darts), dtype=bool)
         undecided[pairs[:, 1]] = True
-        rejected[pairs[~undecided[pairs[:, 0]], 1]] = True
-        pairs = pairs[~rejected[pairs].any(axis=1)]
+        stays = ~undecided[pairs[:, 0]]
+        rejected[pairs[stays, 1]] = True
+        is_open = ~rejected[pairs].any(axis=1)
+        pairs = pairs[is_open]
     return darts[~rejected]
 
 
@@ -273,30 +287,32 @@ def rectangle_points(
     frame: Array = np.empty((0, 2))
     clear = 0.0
     if math.isfinite(row):
-        nx, ny = (max(round(float(s) / row), 1) for s in high - low)
-        x, y = (
-            np.linspace(low[0], high[0], nx + 1),
-            np.linspace(low[1], high[1], ny + 1)[1:-1],
-        )
-        # bottom, top
-        rows = [
-            np.stack([x, np.full_like(x, level)], axis=1) for level in (low[1], high[1])
-        ]
-        frame = np.concatenate(
-            rows
-            + [np.stack([np.full_like(y, at), y], axis=1) for at in (low[0], high[0])]
-        )
+        frame = _frame(low, high, row)
         clear = spacing * math.sqrt(0.75)
     if points <= len(frame):
         raise InputError(
             f"{points} points are too few: the rows along the sides of the rectangle"
             f" need {len(frame)}"
         )
-    low, high = low + clear, high - clear
+    low = low + clear
+    high = high - clear
 
     def depth(p: Array) -> Array:
         return np.minimum(p - low, high - p).min(axis=1)
 
-    return np.concatenate(
-        [frame, scatter(rng, points - len(frame), low, high, depth, spacing, frame)]
-    )
+    rest = points - len(frame)
+    inside = scatter(rng, rest, low, high, depth, spacing, frame)
+    return np.concatenate([frame, inside])
+
+
+def _frame(low: Array, high: Array, row: float) -> Array:
+    """Return points (k, 2) along the sides of a box, at distances of about `row` [R]:
+    bottom, top, left, right."""
+    nx, ny = (max(round(float(length) / row), 1) for length in high - low)
+    x = np.linspace(low[0], high[0], nx + 1)
+    y = np.linspace(low[1], high[1], ny + 1)[1:-1]
+    sides = [
+        np.stack([x, np.full_like(x, level)], axis=1) for level in (low[1], high[1])
+    ]
+    sides += [np.stack([np.full_like(y, end), y], axis=1) for end in (low[0], high[0])]
+    return np.concatenate(sides)

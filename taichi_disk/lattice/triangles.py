@@ -39,9 +39,16 @@ def delaunay(points: Array) -> Long:
         raise InputError(
             "the points lie on one line: a body needs points that span triangles"
         ) from error
-    corner = points[triangles]
-    longest = np.max(np.sum((corner - np.roll(corner, 1, axis=1)) ** 2, axis=2), axis=1)
-    return triangles[double_area(corner) > _MIN_HEIGHT * longest]
+    return triangles[~is_flat(points, triangles)]
+
+
+def is_flat(x: Array, triangles: Long) -> NDArray[np.bool_]:
+    """Return whether the corners of each of the counter-clockwise `triangles` (t, 3)
+    lie on one line."""
+    corner = x[triangles]
+    sides = corner - np.roll(corner, 1, axis=1)
+    longest = np.max(np.sum(sides**2, axis=2), axis=1)
+    return double_area(corner) <= _MIN_HEIGHT * longest
 
 
 def centred(x: Array) -> Array:
@@ -55,30 +62,40 @@ def triangles_of(x: Array, springs: Long) -> tuple[Long, Long]:
     all triangles whose sides are."""
     # The first tiling is right even if springs cross, the second only if no springs
     # cross.
-    later: list[set[int]] = [set() for _ in x]
-    pairs = np.sort(springs, axis=1)
-    for i, j in pairs.tolist():
-        later[i].add(j)
-    cycles = np.array(
-        [(i, j, k) for i, j in pairs.tolist() for k in sorted(later[i] & later[j])],
-        np.int64,
-    )
-    cycles = cycles.reshape(-1, 3)
+    n = len(x)
+    cycles = _spring_cycles(n, springs)
     clockwise = double_area(x[cycles]) < 0.0
     cycles[clockwise] = cycles[clockwise, ::-1]
-    for k in np.setdiff1d(np.arange(len(x)), cycles):
-        where = f"point {k} at ({x[k, 0]:.4g}, {x[k, 1]:.4g})"
+    cycles = cycles[~is_flat(x, cycles)]
+    for k in np.setdiff1d(np.arange(n), cycles):
         raise InputError(
-            f"{where} is no corner of a triangle of springs: remove it, or join it by"
-            " more springs"
+            f"point {k} at {shown_point(x[k])} is no corner of a triangle of springs:"
+            " remove it, or join it by more springs"
         )
 
     triangles = delaunay(centred(x))
     side = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2)
-    has_springs = np.isin(pair_keys(side, len(x)), pair_keys(springs, len(x))).all(
-        axis=1
-    )
-    return triangles[has_springs], cycles
+    is_spring = np.isin(pair_keys(side, n), pair_keys(springs, n))
+    return triangles[is_spring.all(axis=1)], cycles
+
+
+def _spring_cycles(n: int, springs: Long) -> Long:
+    """Return all triangles (t, 3), i < j < k, whose three sides are among `springs`
+    (m, 2)."""
+    pairs = np.sort(springs, axis=1).tolist()
+    later: list[set[int]] = [set() for _ in range(n)]
+    for i, j in pairs:
+        later[i].add(j)
+    cycles = []
+    for i, j in pairs:
+        for k in sorted(later[i] & later[j]):
+            cycles.append((i, j, k))
+    return np.array(cycles, np.int64).reshape(-1, 3)
+
+
+def shown_point(point: Array) -> str:
+    x, y = np.round(point, 9) + 0.0  # no digits of rounding errors, and no -0
+    return f"({x:.4g}, {y:.4g})"
 
 
 def without_slivers(x: Array, triangles: Long) -> Long:
@@ -91,21 +108,20 @@ def without_slivers(x: Array, triangles: Long) -> Long:
         side, first, count = distinct_sides(triangles, n)
         outer = first[count == 1]
         end, start = side[outer].T
-        third = triangles[outer % len(triangles)].sum(axis=1) - end - start
+        owner = outer % len(triangles)  # the triangle of each outer side
+        third = triangles[owner].sum(axis=1) - end - start
         length = np.linalg.norm(x[start] - x[end], axis=1)
-        flat = (
-            double_area(x[triangles[outer % len(triangles)]])
-            < _SLIVER_HEIGHT * length**2
-        )
+        is_low = double_area(x[triangles[owner]]) < _SLIVER_HEIGHT * length**2
         # If the third point is already on the outline, two parts of the body would
         # share only that point.
-        sliver = np.flatnonzero(((length > longest) | flat) & ~np.isin(third, start))
-        if not len(sliver):
+        is_inner = ~np.isin(third, start)
+        slivers = np.flatnonzero(((length > longest) | is_low) & is_inner)
+        if len(slivers) == 0:
             return triangles
-        sliver = sliver[np.argsort(-length[sliver], kind="stable")]
+        slivers = slivers[np.argsort(-length[slivers], kind="stable")]
         # one sliver for each third point
-        removed = sliver[np.unique(third[sliver], return_index=True)[1]]
-        triangles = np.delete(triangles, outer[removed] % len(triangles), axis=0)
+        _, chosen = np.unique(third[slivers], return_index=True)
+        triangles = np.delete(triangles, owner[slivers[chosen]], axis=0)
 
 
 def without_bridges(x: Array, triangles: Long) -> Long:
@@ -114,6 +130,7 @@ def without_bridges(x: Array, triangles: Long) -> Long:
     side, first, _ = distinct_sides(triangles, len(x))
     length = bond_lengths(x, side).reshape(3, -1)
     widest = MAX_SPRING * float(np.median(length.ravel()[first]))
+    # The diameter of the circumcircle is the product of the sides over twice the area.
     return triangles[length.prod(axis=0) <= widest * double_area(x[triangles])]
 
 
@@ -142,9 +159,8 @@ def pair_keys(pairs: NDArray[np.signedinteger], n: int) -> Long:
 def polygon_area(corners: Array) -> float:
     """Return the area [R^2] of the polygon with `corners` (n, 2), positive if
     counter-clockwise."""
-    return 0.5 * float(
-        np.sum(_cross(corners - corners[0], np.roll(corners, -1, axis=0) - corners[0]))
-    )
+    arm = corners - corners[0]
+    return 0.5 * float(np.sum(_cross(arm, np.roll(arm, -1, axis=0))))
 
 
 def double_area(corner: Array) -> Array:
@@ -160,19 +176,53 @@ def _cross(a: Array, b: Array) -> Array:
 def chains(sides: Long) -> list[Long]:
     """Order directed `sides` (h, 2) into closed chains of points. Raises
     SimulationError if that is impossible."""
-    following, rings = dict(sides.tolist()), list[Long]()
-    closed = len(following) == len(sides)  # false if two parts share only a point
-    while closed and following:
-        chain = list(following.popitem())
-        while chain[-1] not in (chain[0], None):
-            chain.append(following.pop(chain[-1], None))
-        closed = chain.pop() is not None
-        rings.append(np.array(chain))
-    if not closed:
-        raise SimulationError(
-            "the triangulation has no closed outline: choose another lattice seed"
-        )
+    following = dict(sides.tolist())
+    if len(following) < len(sides):
+        raise _no_outline()  # two parts share only a point
+    rings = []
+    while following:
+        start, point = following.popitem()
+        ring = [start]
+        while point != start:
+            ring.append(point)
+            if point not in following:
+                raise _no_outline()
+            point = following.pop(point)
+        rings.append(np.array(ring))
     return rings
+
+
+def _no_outline() -> SimulationError:
+    return SimulationError(
+        "the triangulation has no closed outline: choose another lattice seed"
+    )
+
+
+def why_not_one_piece(x: Array, triangles: Long) -> str:
+    """Return why counter-clockwise `triangles` (t, 3) of the points `x` (n, 2) do not
+    form a body, with the place, and what to do."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    n = len(x)
+    side, first, count = distinct_sides(triangles, n)
+    start, end = side.T
+    graph = coo_matrix((np.ones(len(side)), (start, end)), shape=(n, n))
+    pieces, piece = connected_components(graph, directed=False)
+    if pieces > 1:
+        apart = int(np.argmax(piece != piece[0]))
+        return (
+            f"no triangles lead from point 0 at {shown_point(x[0])} to point {apart} at"
+            f" {shown_point(x[apart])}: join its {pieces} pieces by triangles"
+        )
+    starts, visits = np.unique(start[first[count == 1]], return_counts=True)
+    if (visits > 1).any():
+        k = starts[np.argmax(visits > 1)]
+        return (
+            f"parts of the body share only point {k} at {shown_point(x[k])}: join them"
+            " by triangles"
+        )
+    return "join its parts by triangles"
 
 
 def reverse_cuthill_mckee(bonds: Long, n: int, start: int) -> Long:

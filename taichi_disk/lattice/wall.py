@@ -16,6 +16,7 @@ from taichi_disk.lattice.random_points import (
     rectangle_points,
     rim_points,
 )
+from taichi_disk.lattice.triangles import Indices
 
 
 def with_wall(
@@ -38,45 +39,49 @@ def with_wall(
     Raises InputError if the wall is too thin, SimulationError if its points cannot be
     placed or meshed.
     """
-    spacing = least_distance(disk.disk_points, min_spacing)
-    check_thickness(disk.disk_points, points, width)
+    n = disk.disk_points
+    spacing = least_distance(n, min_spacing)
+    check_thickness(n, points, width)
     # The disk uses the random numbers of `seed` alone.
     rng = np.random.default_rng([seed, 1])
-    row = 2.0 * math.pi / rim_points(disk.disk_points) if rim else math.inf
-    low = np.array([-width / 2, -wall_height(disk.disk_points, points, width)])
-    mesh = triangulate(
-        rectangle_points(rng, points, low, np.array([width / 2, 0.0]), row, spacing)
-    )
-    # The top left and top right corners belong to both surface and boundary.
-    x, y = mesh.positions[mesh.disk_surface].T
-    outline = np.roll(mesh.disk_surface, -int(np.argmax(y - x)))
-    x, y = mesh.positions[outline].T
-    right = int(np.argmax(y + x))
-    surface, boundary = (
-        np.append(outline[right:], outline[0])[::-1],
-        outline[: right + 1],
-    )
+    row = math.inf
+    if rim:
+        row = 2.0 * math.pi / rim_points(n)
+    low = np.array([-width / 2, -wall_height(n, points, width)])
+    high = np.array([width / 2, 0.0])
+    mesh = triangulate(rectangle_points(rng, points, low, high, row, spacing))
+    surface, boundary = _top_and_rest(mesh)
 
-    n = disk.disk_points
     lift = np.array([0.0, -disk.positions[:, 1].min()])
+    shift = np.int32(n)  # the wall's points follow those of the disk
+    factors = None
+    if disk.stiffness is not None or stiffness != 1.0:
+        of_disk = disk.stiffened(np.ones(len(disk.bonds)))
+        factors = np.append(of_disk, np.full(len(mesh.bonds), stiffness))
     return replace(
         disk,
         positions=np.concatenate([disk.positions + lift, mesh.positions]),
-        bonds=np.concatenate([disk.bonds, mesh.bonds + np.int32(n)]),
+        bonds=np.concatenate([disk.bonds, mesh.bonds + shift]),
         rest_lengths=np.concatenate([disk.rest_lengths, mesh.rest_lengths]),
         masses=np.concatenate([disk.masses, np.full(points, 1.0 / n)]),
-        wall_surface=surface + np.int32(n),
-        wall_boundary=boundary + np.int32(n),
-        triangles=np.concatenate([disk.triangles, mesh.triangles + np.int32(n)]),
-        stiffness=(
-            None
-            if disk.stiffness is None and stiffness == 1.0
-            else np.append(
-                disk.stiffened(np.ones(len(disk.bonds))),
-                np.full(len(mesh.bonds), stiffness),
-            )
-        ),
+        wall_surface=surface + shift,
+        wall_boundary=boundary + shift,
+        triangles=np.concatenate([disk.triangles, mesh.triangles + shift]),
+        stiffness=factors,
     )
+
+
+def _top_and_rest(mesh: Lattice) -> tuple[Indices, Indices]:
+    """Return the top side of a rectangle, from left to right, and the other sides, from
+    the left top corner to the right one."""
+    outline = mesh.disk_surface
+    x, y = mesh.positions[outline].T
+    outline = np.roll(outline, -int(np.argmax(y - x)))
+    x, y = mesh.positions[outline].T
+    right = int(np.argmax(y + x))
+    # The corners belong to both.
+    top = np.append(outline[right:], outline[0])[::-1]
+    return top, outline[: right + 1]
 
 
 def wall_height(disk_points: int, points: int, width: float) -> float:

@@ -34,6 +34,8 @@ _MODULES = (
     "message.js",
     "graphs.js",
     "controls.js",
+    "results.js",
+    "scenes.js",
     "sandbox.js",
     "widget.js",
 )

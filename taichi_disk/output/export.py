@@ -3,6 +3,7 @@ quantities."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -178,45 +179,55 @@ def _write_gsd(
     logged arrays in double."""
     import gsd.hoomd
 
-    n, m, reach = len(lattice.positions), len(lattice.bonds), 0.0
     # creates the file with the user's file mode; gsd would make a private file
     path.touch()
-    with gsd.hoomd.open(name=str(path), mode="w") as file:
-        file.file.write_chunk(
-            "taichi_disk/scene", np.frombuffer(origin(scene).encode(), np.uint8)
-        )
-        for number, frame in enumerate(frames):
-            shot = gsd.hoomd.Frame()
-            shot.configuration.step, shot.configuration.dimensions = number, 2
-            # GSD requires a box, in which OVITO wraps bonds; in a box of twice the size
-            # no bond is wrapped.
-            reach = max(reach, float(np.abs(frame.positions).max()))
-            shot.configuration.box = [4.0 * reach, 4.0 * reach, 0, 0, 0, 0]
-            shot.particles.N, shot.particles.types = n, ["disk", "wall"]
-            shot.particles.typeid = (np.arange(n) >= lattice.disk_points).astype(
-                np.uint32
-            )
-            shot.particles.position = _three_dimensional(frame.positions)
-            shot.particles.velocity = _three_dimensional(frame.velocities)
-            shot.particles.mass, shot.particles.diameter = (
-                lattice.masses,
-                np.full(n, 2.0 * _radius(lattice)),
-            )
-            shot.bonds.N, shot.bonds.types = m, ["spring"]
-            shot.bonds.group, shot.bonds.typeid = lattice.bonds, np.zeros(m, np.uint32)
-            shot.log = {
-                f"particles/{name}": _three_dimensional(values)
-                for name, values in frame.points.items()
-            }
-            shot.log |= {
-                f"bonds/{name}": values for name, values in frame.springs.items()
-            }
-            shot.log |= {
-                f"{name}_energy": np.array([value])
-                for name, value in frame.energies.items()
-            }
-            shot.log["time"] = np.array([frame.time])
-            file.append(shot)
+    try:
+        with gsd.hoomd.open(name=str(path), mode="w") as file:
+            text = np.frombuffer(origin(scene).encode(), np.uint8)
+            file.file.write_chunk("taichi_disk/scene", text)
+            half_width = 0.0
+            for number, frame in enumerate(frames):
+                half_width = max(half_width, float(np.abs(frame.positions).max()))
+                file.append(_gsd_frame(lattice, frame, number, half_width))
+    except OSError:
+        # If the disk is full, gsd never closes its file, which would keep the room.
+        os.truncate(path, 0)
+        raise
+
+
+def _gsd_frame(lattice: Lattice, frame: Frame, number: int, half_width: float) -> Any:
+    """Return `frame` in HOOMD's schema; all frames so far are within `half_width`
+    [R] of the origin."""
+    import gsd.hoomd
+
+    shot = gsd.hoomd.Frame()
+    shot.configuration.step = number
+    shot.configuration.dimensions = 2
+    # GSD requires a box, in which OVITO wraps bonds; in a box of twice the size no bond
+    # is wrapped.
+    shot.configuration.box = [4.0 * half_width, 4.0 * half_width, 0, 0, 0, 0]
+    n = len(lattice.positions)
+    is_wall = np.arange(n) >= lattice.disk_points
+    shot.particles.N = n
+    shot.particles.types = ["disk", "wall"]
+    shot.particles.typeid = is_wall.astype(np.uint32)
+    shot.particles.position = _three_dimensional(frame.positions)
+    shot.particles.velocity = _three_dimensional(frame.velocities)
+    shot.particles.mass = lattice.masses
+    shot.particles.diameter = np.full(n, 2.0 * _radius(lattice))
+    m = len(lattice.bonds)
+    shot.bonds.N = m
+    shot.bonds.types = ["spring"]
+    shot.bonds.group = lattice.bonds
+    shot.bonds.typeid = np.zeros(m, np.uint32)
+    for name, values in frame.points.items():
+        shot.log[f"particles/{name}"] = _three_dimensional(values)
+    for name, values in frame.springs.items():
+        shot.log[f"bonds/{name}"] = values
+    for name, value in frame.energies.items():
+        shot.log[f"{name}_energy"] = np.array([value])
+    shot.log["time"] = np.array([frame.time])
+    return shot
 
 
 def _write_vtu(

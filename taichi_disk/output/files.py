@@ -18,12 +18,12 @@ from importlib.metadata import version
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from taichi_disk import engine
-from taichi_disk.errors import InputError, SimulationError
+from taichi_disk.errors import InputError, SimulationError, reason
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.machine import processor
 from taichi_disk.simulation.observables import COLUMNS
@@ -33,15 +33,15 @@ if TYPE_CHECKING:
     from taichi_disk.scenes.scene import DiskScene
 
 PROGRAM = f"taichi-disk {__version__}"
-FILMS = ("video.mp4", "video.webm", "video.gif", "video.html", "frames")
-RESULTS = ("timeseries.csv", "lattice.npz", "final.npz", "failure.npz", "plot.png")
-# Default names of films and trajectories that `render` and `export` add to a run's
-# folder.
-MADE = re.compile(
-    r"(render|comparison)(\.(mp4|webm|gif|html|png))?|trajectory(\.(xyz|gsd|pvd|npz))?"
-)
 # files of a folder that holds a film's pictures, or a trajectory
 NUMBERED = re.compile(r"\d+(_[a-z]+)?\.(png|vtu)")
+GIT_TIMEOUT = 10.0  # [s], for example on a slow network file system
+# what operating systems, network file systems and office programs leave in folders
+LITTER = re.compile(
+    r"\.DS_Store|\._.*|Thumbs\.db|desktop\.ini|\.directory|@eaDir|\.nfs.*"
+    r"|\.~lock\..*#",
+    re.IGNORECASE,
+)
 
 
 def prepare_output(out: Path) -> list[Path]:
@@ -69,8 +69,8 @@ def remove_empty(folders: list[Path]) -> None:
 
 
 def cannot_write(out: Path, error: BaseException) -> InputError:
-    blocker = next((path for path in (out, *out.parents) if os.path.isfile(path)), None)
-    why = f"{blocker} is a file" if blocker else reason(error)
+    blockers = [path for path in (out, *out.parents) if os.path.isfile(path)]
+    why = f"{blockers[0]} is a file" if blockers else reason(error)
     return InputError(
         f"cannot write into the output folder {out}: {why}; choose another as `out`"
     )
@@ -125,7 +125,7 @@ def replace(new: Path, path: Path) -> None:
 def restore(path: Path) -> None:
     """Put back the folder that a killed process had moved aside; remove it if its
     replacement exists."""
-    if not path.exists() and _displaced(path).is_dir():
+    if _displaced(path).is_dir() and not path.exists():
         os.rename(_displaced(path), path)
     remove(_displaced(path))
 
@@ -140,52 +140,22 @@ def remove(path: Path) -> None:
         path.unlink()
 
 
-# ---- what a folder holds
+# ---- reading
 
 
-class Contents(NamedTuple):
-    names: Sequence[str] = ()  # names of files and folders
-    foreign: str = ""  # first name that no run has written
-    # text of scene.yaml, and digest of a custom lattice or custom velocities
-    run: tuple[str, str] | None = None
-    status: str = ""  # status of the run
-
-
-def look(folder: Path) -> Contents:
-    """Return the contents of `folder`; they are empty if it does not exist. Raises
-    OSError if it cannot be listed."""
-    names = sorted(set(os.listdir(folder)) - {".DS_Store"}) if folder.exists() else []
-    if not names:
-        return Contents()
-    summary, known = (
-        read_summary(folder),
-        {"scene.yaml", "summary.json", *RESULTS, *FILMS},
-    )
-    # The only folders that a run makes hold pictures or the frames of a trajectory.
-    foreign = [name for name in names if not (name in known or MADE.fullmatch(name))]
-    foreign += [
-        name
-        for name in names
-        if not ((folder / name).is_file() or only_numbered(folder / name))
-    ]
-    if "scene.yaml" not in names or "status" not in summary:
-        foreign += names
-    if foreign:
-        return Contents(names, foreign[0])
-    scene = (folder / "scene.yaml").read_text(encoding="utf-8", errors="replace")
-    return Contents(
-        names,
-        "",
-        (scene, str(summary.get("lattice_digest", ""))),
-        str(summary["status"]),
-    )
+def listed(folder: Path) -> list[str]:
+    """Return the sorted names in `folder`, without the litter of file systems."""
+    return sorted(name for name in os.listdir(folder) if not LITTER.fullmatch(name))
 
 
 def read_summary(folder: Path) -> dict[str, Any]:
+    """Return the contents of summary.json, or {} if it is missing or damaged."""
     path = folder / "summary.json"
+    if not path.is_file():
+        return {}
     try:
-        summary = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    except (OSError, ValueError):
+        summary = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
         return {}
     return summary if isinstance(summary, dict) else {}
 
@@ -209,9 +179,7 @@ def check_pictures(folder: Path) -> None:
 
 
 def only_numbered(folder: Path) -> bool:
-    return folder.is_dir() and all(
-        NUMBERED.fullmatch(one.name) for one in folder.iterdir()
-    )
+    return folder.is_dir() and all(map(NUMBERED.fullmatch, listed(folder)))
 
 
 def write_text(path: Path, text: str) -> None:
@@ -293,45 +261,44 @@ def write_lattice(
 @lru_cache(maxsize=1)
 def versions() -> dict[str, str]:
     own = {"python": platform.python_version(), "taichi-disk": __version__}
-    return (
-        own | engine.versions() | {name: version(name) for name in ("numpy", "scipy")}
-    )
+    libraries = {name: version(name) for name in ("numpy", "scipy")}
+    return own | engine.versions() | libraries
 
 
 def provenance() -> dict[str, str]:
     """Return date, processor and commit for summary.json, the only file in which equal
     runs may differ."""
-    found = {
+    facts = {
         "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
         "processor": processor(),
     }
-    return found | ({"git_commit": commit} if (commit := _git_commit()) else {})
+    commit = _git_commit()
+    if commit:
+        facts["git_commit"] = commit
+    return facts
 
 
 @lru_cache(maxsize=1)
 def _git_commit() -> str:
+    """Return the commit of the program's own checkout, or an empty string."""
     root = Path(__file__).parents[2]
-    if (root / ".git").exists():
-        command = [
-            "git",
-            "-C",
-            str(root),
-            "describe",
-            "--always",
-            "--dirty",
-            "--exclude=*",
-            "--abbrev=40",
-        ]
-        # git is missing, or the folder not ours
-        with contextlib.suppress(OSError, subprocess.CalledProcessError):
-            found = subprocess.run(
-                command,
-                capture_output=True,
-                text=True,
-                check=True,
-                stdin=subprocess.DEVNULL,
-            )
-            return found.stdout.strip()
+    if not (root / ".git").exists():
+        return ""
+    # A hook of git sets GIT_DIR and others, which name the user's repository.
+    others = {name: value for name, value in os.environ.items() if name[:4] != "GIT_"}
+    # git is missing, or the folder not ours
+    with contextlib.suppress(OSError, subprocess.SubprocessError):
+        done = subprocess.run(
+            ["git", "describe", "--always", "--dirty", "--exclude=*", "--abbrev=40"],
+            cwd=root,
+            env=others,
+            capture_output=True,
+            text=True,
+            check=True,
+            stdin=subprocess.DEVNULL,
+            timeout=GIT_TIMEOUT,
+        )
+        return done.stdout.strip()
     return ""
 
 
@@ -339,7 +306,3 @@ def origin(*scenes: DiskScene) -> str:
     """Return the metadata of films, pictures and trajectories: version and scenes, as
     YAML for `load_scene`."""
     return f"# {PROGRAM}\n" + "---\n".join(scene.to_yaml() for scene in scenes)
-
-
-def reason(error: BaseException) -> str:
-    return (error.strerror if isinstance(error, OSError) else None) or str(error)

@@ -14,6 +14,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -24,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_disk.computation.contact import results_time, vibration_left
-from taichi_disk.machine import cores
+from taichi_disk.machine import cores, python_command
 from taichi_disk.output.files import Array, atomic_write, origin
 from taichi_disk.signals import ignored_by_children
 from taichi_disk.simulation.observables import BLUE, BY_NAME, SKY, of_kind
@@ -59,6 +60,9 @@ PANEL_HEIGHTS = (1.2, 1.0, 1.5)
 LAYOUT = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}
 _LOCK = threading.Lock()
 _DRAW = "from taichi_disk.output.plot import _draw_received; _draw_received()"
+# after this time the plot is drawn again in this process [s]; it takes 0.5 s, but a
+# first import of Matplotlib looks at all fonts
+_DRAWING_TIME = 60.0
 _ENVIRONMENT = {"MPLBACKEND": "agg", "OPENBLAS_NUM_THREADS": "1"}
 
 
@@ -184,40 +188,39 @@ def plotting_beside(film: bool) -> Iterator[Begin]:
     child = None
     if film or "matplotlib" not in sys.modules:
         with suppress(OSError), ignored_by_children():
-            command, environment = (
-                [sys.executable, "-c", _DRAW],
-                {**os.environ, **_ENVIRONMENT},
-            )
             child = subprocess.Popen(
-                command,
+                python_command(_DRAW),
                 stdin=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
-                env=environment,
+                env={**os.environ, **_ENVIRONMENT},
             )
 
     def begin(
         path: Path, scenario: Scenario, columns: Columns, headline: str = ""
     ) -> Callable[[], None]:
+        drawing = None
         if child:
-            with suppress(OSError), child.stdin as pipe:  # type: ignore[union-attr]
-                pickle.dump(
-                    (path, _plot_answers(scenario, columns), columns, headline), pipe
-                )
+            answers = _plot_answers(scenario, columns)
+            job = pickle.dumps((path, answers, columns, headline))
+            # in a thread, because a process that hangs does not empty the pipe
+            drawing = thread.submit(child.communicate, job, _DRAWING_TIME)
 
         def end() -> None:
-            if child:
-                child.wait()
+            if drawing:
+                with suppress(subprocess.TimeoutExpired):
+                    drawing.result()
             if not path.exists():
                 plot_run(path, scenario, columns, headline)
 
         return end
 
-    try:
-        yield begin
-    finally:
-        if child:
-            child.kill()
-            child.communicate()
+    with ThreadPoolExecutor(1) as thread:
+        try:
+            yield begin
+        finally:
+            if child:
+                child.kill()
+                child.wait()
 
 
 def _draw_received() -> None:

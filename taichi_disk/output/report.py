@@ -21,16 +21,17 @@ PLAIN_ERROR, PLAIN_SCATTER = 1e-4, 1e-3
 UNESTIMATED = "(error of the time step not estimated)"
 
 
-def print_result(summary: Summary, labels: Labels, out: Path) -> None:
-    """Print the result, how it was computed, its time and the folder `out`; print
-    warnings on stderr.
+def print_result(summary: Summary, labels: Labels, out: Path | None) -> None:
+    """Print the result, how it was computed, its time and the folder `out` if there is
+    one; print warnings on stderr.
 
     `labels` maps keys of the summary to (name, unit). The text is plain, because paths
     must not be wrapped.
     """
     for name, value, unit in rows(summary, labels):
         print(f"{name:<36}{value:>16} {unit}".rstrip())
-    print(f"files in {out}")
+    if out is not None:
+        print(f"files in {out}")
     for text in summary.get("warnings", ()):
         print(f"warning: {text}", file=sys.stderr)
 

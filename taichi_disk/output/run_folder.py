@@ -8,35 +8,139 @@ be replaced.
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from errno import EEXIST, ENOTEMPTY
+from functools import partial
 from itertools import chain, count
 from pathlib import Path
+from typing import NamedTuple
 
-from taichi_disk.errors import InputError, SimulationError
+from taichi_disk.errors import InputError, SimulationError, reason
 from taichi_disk.output import files
-from taichi_disk.output.files import Contents, look
+
+FILMS = ("video.mp4", "video.webm", "video.gif", "video.html", "frames")
+RUN_FILES = re.compile(
+    r"scene\.yaml|summary\.json|timeseries\.csv|(lattice|final|failure)\.npz|plot\.png"
+)
+# films, and default names of what `render` and `export` add to a run
+PICTURES = re.compile(
+    r"(video|render|comparison)\.(mp4|webm|gif|html|png)|frames|render|comparison"
+    r"|trajectory(\.(xyz|gsd|pvd|npz))?"
+)
+
+
+class FolderContents(NamedTuple):
+    names: list[str]
+    foreign: list[str]  # names that no run has written
+    # text of scene.yaml, and digest of a custom lattice or custom velocities
+    run: tuple[str, str] = ("", "")
+    status: str = ""  # of the run
+
+
+def inspect(folder: Path) -> FolderContents:
+    """Return the contents of `folder`, which are empty if it does not exist. Raises
+    OSError if it cannot be listed."""
+    names = files.listed(folder) if folder.exists() else []
+    summary = files.read_summary(folder)
+    if "status" not in summary or "scene.yaml" not in names:
+        return FolderContents(names, names)
+    foreign = [name for name in names if not _is_of_a_run(folder / name)]
+    if foreign:
+        return FolderContents(names, foreign)
+    scene = (folder / "scene.yaml").read_text(encoding="utf-8", errors="replace")
+    run = scene, str(summary.get("lattice_digest", ""))
+    return FolderContents(names, [], run, str(summary["status"]))
+
+
+def _is_of_a_run(path: Path) -> bool:
+    # Its only folders hold pictures or the frames of a trajectory.
+    if PICTURES.fullmatch(path.name):
+        return path.is_file() or files.only_numbered(path)
+    return RUN_FILES.fullmatch(path.name) is not None and path.is_file()
 
 
 @dataclass
 class RunFolder:
-    """The folder `out` of a run, which is written at the hidden `path`. `made`: earlier
-    films and exports to keep."""
+    """The folder of a run while the run is computed.
 
-    out: Path
+    Attributes:
+        path: hidden folder, into which the files are written.
+        out: folder in which they appear; another one if it has become unsuitable.
+        replaceable: the runs that may be replaced, this one first.
+        say: receives a sentence if another folder is used.
+    """
+
     path: Path
-    made: list[str]
+    out: Path
+    replaceable: list[tuple[str, str]]
+    say: Callable[[str], None]
 
     def take_over(self) -> str | None:
-        """Copy earlier films and trajectories of the same run; return the name of a
-        film, or None."""
-        for name in self.made:
-            old, new = self.out / name, self.path / name
-            if not new.exists():
-                shutil.copytree(old, new) if old.is_dir() else shutil.copy2(old, new)
-        return next((name for name in files.FILMS if (self.path / name).exists()), None)
+        """Copy earlier films and trajectories of the same run, and return the name of
+        a film, or None."""
+        earlier = inspect(self.out)
+        if earlier.run == self.replaceable[0]:
+            for name in filter(PICTURES.fullmatch, earlier.names):
+                if not (self.path / name).exists():
+                    files.atomic_write(
+                        self.path / name, partial(_copy, self.out / name)
+                    )
+        for name in FILMS:
+            if (self.path / name).exists():
+                return name
+        return None
+
+    def choose(self, folders: Iterable[Path], status: str, advice: str = "") -> Path:
+        """Return the first of `folders` that a run with `status` may become. Raises
+        InputError if there is none; `advice` follows "holds another run"."""
+        refusal = ""
+        for folder in folders:
+            files.restore(folder)
+            obstacle = self._obstacle(folder, status, advice)
+            if not obstacle:
+                if refusal:
+                    self.say(f"{refusal}; this run goes into {folder}")
+                return folder
+            refusal = refusal or f"{folder} {obstacle}"
+        raise InputError(f"{refusal}; choose another folder as `out`")
+
+    def _obstacle(self, folder: Path, status: str, advice: str) -> str:
+        """Return why a run with `status` must not replace `folder`, or an empty
+        string."""
+        contents = inspect(folder)
+        if contents.foreign:
+            return f"holds {contents.foreign[0]}, which no run wrote"
+        if contents.status == "done" and status != "done":
+            return "holds a finished run"
+        if contents.names and contents.run not in self.replaceable:
+            return f"holds another run{advice}"
+        try:
+            # This never succeeds, because `path` is not empty. But a mount point, or a
+            # folder of a container's image, fails for its own reason.
+            os.rename(folder, self.path)
+        except OSError as error:
+            if folder.is_dir() and error.errno not in (EEXIST, ENOTEMPTY):
+                return f"cannot be renamed ({reason(error)})"
+        return ""
+
+    def appear(self, status: str) -> None:
+        """Rename `path` to `out`, or to another folder if `out` has become unsuitable.
+        Raises SimulationError if that fails; the run then stays in `path`."""
+        others = self.out
+        if status != "done":
+            others = others.with_name(f"{others.name}-{status}")
+        try:
+            self.out = self.choose(chain([self.out], _numbered(others)), status)
+            files.replace(self.path, self.out)
+        except OSError as error:
+            raise SimulationError(
+                f"cannot move the run into {self.out}: {reason(error)}; it stays in"
+                f" {self.path}"
+            ) from error
 
 
 @contextmanager
@@ -45,11 +149,11 @@ def run_folder(
     scene_yaml: str,
     explicit: bool,
     overwrite: bool = False,
-    notify: Callable[[str], None] = lambda text: None,
+    say: Callable[[str], None] = lambda text: None,
     lattice: str = "",
 ) -> Iterator[RunFolder]:
-    """Use as `with run_folder(...) as folder:` and write the run's files, summary.json
-    last, into `folder.path`.
+    """Use as `with run_folder(...) as folder:` and write the run's files and
+    summary.json into `folder.path`.
 
     When the block ends, also by an error or Ctrl-C, `folder.path` becomes `folder.out`,
     or is removed if it has no summary.json.
@@ -60,7 +164,7 @@ def run_folder(
         explicit: whether the user named `out`. If not, and `out` is in use, out-2,
             out-3, … are tried.
         overwrite: whether another run in `out` may be replaced.
-        notify: receives a sentence if another folder is used.
+        say: receives a sentence if another folder is used.
         lattice: digest of a custom lattice or custom velocities, lattice_digest in the
             summary.
 
@@ -68,102 +172,69 @@ def run_folder(
     else, cannot be renamed or cannot be written. Raises SimulationError on exit if
     `path` cannot be renamed; the run then stays there.
     """
-    run = scene_yaml, lattice
-    before: Contents | None = None  # contents of the folder when the run began
-
-    def refusal(held: Contents, status: str) -> str:
-        if held.foreign:
-            return f"holds {held.foreign}, which no run wrote"
-        if held.status == "done" and status != "done":
-            return "holds a finished run"
-        # `overwrite` does not permit replacing a run that appeared while this one was
-        # computed.
-        if not held.names or run == held.run or (overwrite and before in (None, held)):
-            return ""
-        return "holds another run" + " (overwrite=True replaces it)" * explicit
-
-    def choose(folders: Iterable[Path], status: str) -> Path:
-        why = ""
-        for folder in folders:
-            files.restore(folder)
-            if not (no := refusal(look(folder), status)):
-                if why:
-                    notify(f"{why}; this run goes into {folder}")
-                return folder
-            why = why or f"{folder} {no}"
-        raise InputError(f"{why}; choose another folder as `out`")
-
-    asked, made = Path(out).expanduser(), list[Path]()
-    try:
-        # a folder cannot be renamed to such a path
-        if asked.name == ".." or asked.is_symlink():
-            asked = asked.resolve()
-        refuse_place(asked)
-        made = files.prepare_output(asked.parent)
-        chosen = choose([asked] if explicit else _counted(asked), "done")
-        before = look(chosen)
-        kept = [
-            name
-            for name in before.names
-            if name in files.FILMS or files.MADE.fullmatch(name)
-        ]
-        folder = RunFolder(
-            chosen, files.hidden(chosen), kept if run == before.run else []
-        )
-        # left by a killed process: in a container all processes may have the same
-        # number
-        files.remove(folder.path)
-        folder.path.mkdir()
-    except (OSError, ValueError) as error:
-        files.remove_empty(made)
-        raise files.cannot_write(asked, error) from None
-    try:
-        files.write_text(folder.path / "scene.yaml", scene_yaml)
-        yield folder
-    finally:
-        if status := str(files.read_summary(folder.path).get("status", "")):
-            if status != "done":
-                asked = chosen.with_name(f"{chosen.name}-{status}")
-            try:
-                folder.out = choose(chain([chosen], _counted(asked)), status)
-                files.replace(folder.path, folder.out)
-            except OSError as error:
-                text = (
-                    f"cannot move the run into {folder.out}: {files.reason(error)}; it"
-                    f" stays in {folder.path}"
-                )
-                raise SimulationError(text) from error
-        else:
-            files.remove(folder.path)
-            files.remove_empty(made)
+    asked = Path(out).expanduser()
+    with ExitStack() as cleanup:
+        try:
+            asked = _place(asked)
+            cleanup.callback(files.remove_empty, files.prepare_output(asked.parent))
+            path = files.hidden(asked)
+            # left by a killed process: in a container all processes may have the same
+            # number
+            files.remove(path)
+            cleanup.callback(files.remove, path)
+            path.mkdir()
+            files.write_text(path / "scene.yaml", scene_yaml)
+            folder = RunFolder(path, asked, [(scene_yaml, lattice)], say)
+            if overwrite:
+                folder.replaceable.append(inspect(asked).run)
+            if explicit:
+                folder.choose([asked], "done", " (overwrite=True replaces it)")
+            else:
+                folder.out = folder.choose(_numbered(asked), "done")
+        except (OSError, ValueError) as error:
+            raise files.cannot_write(asked, error) from None
+        try:
+            yield folder
+        finally:
+            status = files.read_summary(path).get("status")
+            if status:
+                cleanup.pop_all()
+                folder.appear(str(status))
 
 
-def refuse_place(out: Path) -> None:
-    """Raise InputError if `out` is a folder that no run can replace."""
-    what = ""
-    with suppress(RuntimeError):  # a user without a home
-        if Path.home().resolve().is_relative_to(out.resolve()):
-            what = "your home"
-    if files.holds_working_directory(out):
-        what = "the current folder"
-    elif os.path.ismount(out):
-        what = "the mount point of a file system"
-    if what:
-        raise InputError(
-            f"{out} is {what}, which no run can replace: name a folder in it as `out`"
-        )
+def _place(out: Path) -> Path:
+    """Return the path to which a run can be renamed. Raises InputError if `out` is a
+    folder that no run can replace."""
+    if out.name == ".." or out.is_symlink():
+        out = out.resolve()
+    home = Path(os.path.expanduser("~"))
+    for name, place in (("your home", home), ("the current folder", Path.cwd())):
+        if place.resolve().is_relative_to(out.resolve()):
+            raise InputError(
+                f"{out} is {name}, which no run can replace: name a folder in it as"
+                " `out`"
+            )
+    return out
 
 
-def refuse_run(out: Path) -> None:
-    try:
-        held = out.is_dir() and look(out).status
-    except OSError as error:
-        raise files.cannot_write(out, error) from None
-    if held:
-        raise InputError(f"{out} holds a run; choose another folder as `out`")
-
-
-def _counted(folder: Path) -> Iterator[Path]:
+def _numbered(folder: Path) -> Iterator[Path]:
     yield folder
     for number in count(2):
         yield folder.with_name(f"{folder.name}-{number}")
+
+
+def _copy(old: Path, new: Path) -> None:
+    if old.is_dir():
+        shutil.copytree(old, new)
+    else:
+        shutil.copy2(old, new)
+
+
+def refuse_run(out: Path) -> None:
+    """Raise InputError if `out` holds a run, or cannot be read."""
+    try:
+        status = inspect(out).status if out.is_dir() else ""
+    except OSError as error:
+        raise files.cannot_write(out, error) from None
+    if status:
+        raise InputError(f"{out} holds a run; choose another folder as `out`")

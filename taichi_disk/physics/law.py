@@ -8,7 +8,7 @@ field, so fields of vectors are pairs of scalar fields, adjacent in memory. And 
 aborts at `a -= b` of whole local vectors, so write a = a - b.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -66,6 +66,14 @@ def scalar(builder: Any, kind: Any = ti.f64) -> Any:
     field = ti.field(kind)
     builder.place(field)
     return field
+
+
+def check_room(fields: Sequence[Any], rows: int) -> None:
+    """Raise ValueError if `fields` have no room for `rows` values, because kernels
+    would write beyond their ends."""
+    room = fields[0].shape[0]
+    if rows > room:
+        raise ValueError(f"{rows} values do not fit into a field of {room}")
 
 
 class Capacity(NamedTuple):

@@ -11,6 +11,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from fractions import Fraction
 from itertools import count
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,7 @@ _OPTIONS = {
 # primaries, transfer and matrix in H.273; without tags players guess the colours
 _BT709 = 1
 _WAITING = 3  # pictures that may wait for the encoder
+_GIF_FPS = 50
 _GIF_SAMPLES = 12  # approximate number of pictures that determine the palette
 
 
@@ -135,14 +137,24 @@ def _gif(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[A
     """
     from PIL import Image
 
+    # Browsers show no picture for less than 20 ms, so a faster film skips some.
+    step = ceil(fps / _GIF_FPS)
+    numbers = count()
+    starts: list[float] = []  # of the pictures [10 ms]
     packed: list[bytes] = []
+
+    def append(picture: Picture) -> None:
+        number = next(numbers)
+        if number % step == 0:
+            starts.append(100.0 * number / fps)
+            packed.append(zlib.compress(picture.tobytes(), 1))
 
     def unpacked(step: int = 1) -> Iterator[Any]:
         return (
             Image.frombytes("RGB", size, zlib.decompress(one)) for one in packed[::step]
         )
 
-    yield lambda picture: packed.append(zlib.compress(picture.tobytes(), 1))
+    yield append
     sampled = np.concatenate(
         [np.asarray(one) for one in unpacked(1 + len(packed) // _GIF_SAMPLES)]
     )
@@ -151,7 +163,10 @@ def _gif(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[A
         one.quantize(palette=palette, dither=Image.Dither.NONE) for one in unpacked()
     )
     # GIF durations are multiples of 10 ms
-    ends = np.rint(100.0 * np.arange(len(packed) + 1) / fps)
+    ends = np.rint([*starts, 100.0 * next(numbers) / fps])
+    if len(starts) > 1 and ends[-1] - ends[-2] < 100.0 / _GIF_FPS:
+        ends = np.delete(ends, -2)
+        del packed[-1]
     durations = [int(one) for one in 10.0 * np.diff(ends)]
     with open(path, "w+b") as file:
         first.save(

@@ -9,11 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TypeAlias, cast, get_args
 
-from taichi_disk.computation import workload
 from taichi_disk.config.tree import Source, read_tree
 from taichi_disk.config.tree import shipped_scenes as shipped_scenes
-from taichi_disk.errors import InputError
-from taichi_disk.machine import free_memory
 from taichi_disk.scenes.absorbing_wall import AbsorbingWallScene
 from taichi_disk.scenes.compression import CompressionScene
 from taichi_disk.scenes.exponential_wall import ExponentialWallScene
@@ -77,15 +74,14 @@ def _load(
 
 
 def check_feasible(scene: Scene | Sweep) -> None:
-    """Raise InputError if `run` would, because of the lattice, the memory or a step
-    beyond the stability limit.
+    """Raise InputError if `run` would, because of the lattice or a step beyond the
+    stability limit.
 
     Only the first scene of a sweep is checked. The lattice is built only to check a
     user's step.
     """
     if isinstance(scene, Sweep):
         return check_feasible(scene.scenes[0])
-    check_memory(scene)
     points = (
         scene.lattice.points
         if scene.lattice.file == "none"
@@ -100,15 +96,3 @@ def check_feasible(scene: Scene | Sweep) -> None:
     scenario = scene.scenario()
     if not scenario.static:
         StepControl(scenario, spectrum(scenario.lattice, scenario.model))
-
-
-def check_memory(scene: DiskScene) -> None:
-    points = scene.lattice.points + scene.wall_points
-    needed, free = workload.memory(points), free_memory()
-    if points > 20_000 and needed > free:
-        most = max(3, int((free - workload.PROCESS) / workload.POINT))
-        raise InputError(
-            f"lattice.points: {points:,} points need about {needed / 1e9:.1f} GB of"
-            f" memory, {free / 1e9:.1f} GB are free: take at most {most:,}, or stop"
-            " other programs"
-        )

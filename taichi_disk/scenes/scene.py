@@ -31,7 +31,7 @@ from taichi_disk.lattice import (
     bulk_moduli,
     circle_faults,
     disk_lattice,
-    own_start,
+    own_velocities,
     read_lattice,
 )
 from taichi_disk.scenes.conflicts import Conflicts
@@ -221,7 +221,7 @@ class DiskScene(Frozen):
                 the scene's [c].
         """
         body = lattice or self.body()
-        own = own_start(self.lattice, body, velocities).velocities
+        own = own_velocities(self.lattice, velocities)
         if own is None:
             return self.of_body(body)
         scenario = self.thrown_with(body, own).of_body(body)
@@ -312,12 +312,17 @@ def yaml_scalar(value: Value) -> str:
         return value
     # quotes a path, and writes a float with just enough digits
     text = json.dumps(value, ensure_ascii=False)
-    # YAML 1.1 readers such as PyYAML take 1e-05, which has no point, for a string.
-    return (
-        text.replace("e", ".0e")
-        if isinstance(value, float) and "." not in text
-        else text
-    )
+    if isinstance(value, float) and "." not in text:
+        # YAML 1.1 readers such as PyYAML take 1e-05, which has no point, for a string.
+        return text.replace("e", ".0e")
+    # Narrow spaces and line separators, which nobody would see, or YAML would not keep.
+    return "".join(_escaped(character) for character in text)
+
+
+def _escaped(character: str) -> str:
+    if character.isprintable() or ord(character) > 0xFFFF:
+        return character
+    return f"\\u{ord(character):04x}"
 
 
 # ---- make a scene of a tree of values, or report all faults

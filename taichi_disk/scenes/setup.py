@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from taichi_disk.lattice import Lattice, file_digest
 from taichi_disk.scenes import Scene
-from taichi_disk.signals import interruptible
 
 if TYPE_CHECKING:
     from taichi_disk.computation.outcome import Outcome
@@ -22,7 +21,7 @@ class LatticeSetup:
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        self.body = interruptible(scene.body)
+        self.body = scene.body()
         self._spectra: dict[bool, Any] = {}
 
     @cached_property

@@ -24,7 +24,7 @@ from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
 from taichi_disk.physics.law import Capacity
 from taichi_disk.physics.ordering import BLOCK, Arrangement, arrange
-from taichi_disk.signals import interruptible, raise_if_interrupted
+from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.kernels import Kernels, SubdomainKernels
 from taichi_disk.simulation.observables import INDEX, bounds_array
 from taichi_disk.simulation.stepping import PEAK_POINT_FORCE, PointFields, Snapshot
@@ -67,7 +67,7 @@ class Simulation:
         self._program = engine.program()
         self.features = compiled_for(lattice, model)
         self.model.springs.prepare_for(lattice)
-        arrangement = interruptible(arrange, lattice.bonds, len(lattice.positions))
+        arrangement = arrange(lattice.bonds, len(lattice.positions))
         factor = self._factor(lattice, model, dt)
         self.subdomains = arrangement.subdomains
         self._capacity = Capacity(
@@ -126,7 +126,7 @@ class Simulation:
             return False
         arrangement = self._arrangement
         if lattice.bonds is not self.lattice.bonds:
-            arrangement = interruptible(arrange, lattice.bonds, len(lattice.positions))
+            arrangement = arrange(lattice.bonds, len(lattice.positions))
         factor = self._factor(lattice, model, dt)
         needed = _needed(lattice, arrangement, factor)
         has_room = all(

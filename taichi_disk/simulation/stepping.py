@@ -23,6 +23,7 @@ from taichi_disk.physics.law import (
     Reals1,
     Reals3,
     array,
+    check_room,
     get,
     pair_of,
     put,
@@ -138,17 +139,15 @@ class PointFields:
         """Write `numbers` into 0-D fields and `contents` into other fields, which must
         be the same in all calls."""
         # One kernel writes all of them, because loading a compiled kernel takes 30 ms.
-        self.scalars, self.fields = (
-            [field for field, _ in numbers],
-            [fields for fields, _ in contents],
-        )
-        values = [np.asarray(values, np.float64).ravel() for _, values in contents]
-        rows = [
-            len(data) // len(fields)
-            for data, fields in zip(values, self.fields, strict=True)
-        ]
+        self.scalars = [field for field, _ in numbers]
+        self.fields = [fields for fields, _ in contents]
         scalars = np.array([number for _, number in numbers], np.float64)
-        self._begin(scalars, np.array(rows, np.int32), np.concatenate(values))
+        arrays = [np.asarray(values, np.float64).ravel() for _, values in contents]
+        rows = []
+        for values, fields in zip(arrays, self.fields, strict=True):
+            rows.append(len(values) // len(fields))
+            check_room(fields, rows[-1])
+        self._begin(scalars, np.array(rows, np.int32), np.concatenate(arrays))
 
     @ti.kernel
     def _begin(self, numbers: Reals1, rows: Integers1, values: Reals1):
@@ -174,6 +173,7 @@ class PointFields:
         return Snapshot(step, vectors, sums)
 
     def restore(self, snapshot: Snapshot) -> None:
+        check_room(self.x, snapshot.vectors.shape[1])
         self._copy(snapshot.vectors, snapshot.sums, True)
 
     @ti.kernel

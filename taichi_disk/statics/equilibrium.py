@@ -49,32 +49,39 @@ def solve_equilibrium(
 
     Raises SimulationError if the forces do not vanish within `max_iterations`.
     """
-    x, load = start, model.load.force if model.load else 0.0
+    x = start
+    load = 0.0
+    if model.load:
+        load = model.load.force
     stiffest = float(model.springs.stiffness(lattice, x).diagonal().max())
-    shift = (_MIN_SHIFT if is_close else _FIRST_SHIFT) * stiffest
+    shift = _FIRST_SHIFT * stiffest
+    if is_close:
+        shift = _MIN_SHIFT * stiffest
     for iteration in range(max_iterations + 1):
         raise_if_interrupted()
-        force, tangent = model.forces(lattice, x), model.stiffness(lattice, x)
+        force = model.forces(lattice, x)
+        tangent = model.stiffness(lattice, x)
         residual = float(np.abs(force).max())
-        # About ten forces act on a point, and the last bit of a coordinate rounds each
-        # of them.
-        rounding = (
-            10.0
-            * _EPS
-            * float(tangent.diagonal().max())
-            * max(1.0, float(np.abs(x).max()))
-        )
-        goal = max(_TOLERANCE * load / len(x), rounding)
+        goal = max(_TOLERANCE * load / len(x), _rounding_force(tangent, x))
         if residual > goal:
             x, shift = _downhill(lattice, model, x, force, tangent, shift, stiffest)
         elif _factors(tangent, _MIN_SHIFT * stiffest) is None:
             x = turned(x, _TIP_ANGLE)  # an unstable equilibrium, balanced on a tip
         else:
-            return Equilibrium(x, iteration, residual, roll_angle(lattice.positions, x))
+            roll = roll_angle(lattice.positions, x)
+            return Equilibrium(x, iteration, residual, roll)
     raise SimulationError(
         f"no equilibrium within {max_iterations} Newton iterations (force"
         f" {residual:.1e}, needed {goal:.1e}): lower compression.pressure or wall.a"
     )
+
+
+def _rounding_force(tangent: Any, x: Array) -> float:
+    """Return the rounding error of the force on a point [M c^2/R]."""
+    # About ten forces act on a point, and the last bit of a coordinate rounds each of
+    # them.
+    stiffest = float(tangent.diagonal().max())
+    return 10.0 * _EPS * stiffest * max(1.0, float(np.abs(x).max()))
 
 
 def _downhill(
@@ -91,7 +98,8 @@ def _downhill(
     # The shift grows until the matrix is positive definite and the energy falls by a
     # tenth of the predicted amount. It may become tiny, because rolling, which may be
     # 1e-8 times as stiff as the springs, must converge too.
-    energy, residual = model.energy(lattice, x), np.abs(force).max()
+    energy = model.energy(lattice, x)
+    residual = np.abs(force).max()
     while shift < _MAX_SHIFT * stiffest:
         factors = _factors(tangent, shift)
         if factors is None:
@@ -102,17 +110,17 @@ def _downhill(
         move[:, 0] -= move[:, 0].mean()
         slope = float(np.sum(move * force))
         curvature = slope - shift * float(np.sum(move * move))
-        fraction = min(1.0, _MAX_ROLL / max(abs(_rotation(x, move)), _EPS))
+        rotation = max(abs(_rotation(x, move)), _EPS)
+        fraction = min(1.0, _MAX_ROLL / rotation)
         for _ in range(12):
             trial = _moved(x, fraction * move)
             predicted = fraction * slope - 0.5 * fraction**2 * curvature
             if predicted > 64.0 * _EPS * abs(energy):
                 gain = (energy - model.energy(lattice, trial)) / predicted
-            # the change of energy is below rounding errors, so judge by the forces
             else:
-                gain = float(
-                    np.abs(model.forces(lattice, trial)).max() <= 2.0 * residual
-                )
+                # The change of energy is below rounding errors, so judge by the forces.
+                largest = np.abs(model.forces(lattice, trial)).max()
+                gain = float(largest <= 2.0 * residual)
             if gain > 0.1:
                 if fraction == 1.0 and gain > 0.5:
                     shift = max(shift / 10.0, _MIN_SHIFT * stiffest)
@@ -128,33 +136,42 @@ def _downhill(
 
 
 def _factors(matrix: Any, shift: float) -> Any:
+    """Return the factors of `matrix` + `shift` times the identity, or None unless it is
+    positive definite."""
     from scipy.sparse import identity
 
     factors = symmetric_factors(matrix + shift * identity(matrix.shape[0]))
-    return factors if bool((factors.U.diagonal() > 0.0).all()) else None
+    is_positive_definite = bool((factors.U.diagonal() > 0.0).all())
+    if is_positive_definite:
+        return factors
+    return None
 
 
 def _rotation(x: Array, move: Array) -> float:
     arm = x - x.mean(axis=0)
-    return float(
-        np.sum(arm[:, 0] * move[:, 1] - arm[:, 1] * move[:, 0]) / np.sum(arm * arm)
-    )
+    cross = arm[:, 0] * move[:, 1] - arm[:, 1] * move[:, 0]
+    return float(np.sum(cross) / np.sum(arm * arm))
 
 
 def _moved(x: Array, move: Array) -> Array:
     """Displace `x` by `move`, with its rotation made a finite one, because a linear one
     would stretch the disk."""
-    angle, arm, drift = _rotation(x, move), x - x.mean(axis=0), move.mean(axis=0)
-    strain = move - drift - angle * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+    angle = _rotation(x, move)
+    drift = move.mean(axis=0)
+    arm = x - x.mean(axis=0)
+    across = np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+    strain = move - drift - angle * across
     return turned(x + strain, angle) + drift
 
 
 def roll_angle(unloaded: Array, positions: Array) -> float:
     """Return the rotation [rad], -pi to pi, that fits `positions` (n, 2) to `unloaded`
     by least squares."""
-    before, after = (p - p.mean(axis=0) for p in (unloaded, positions))
+    before = unloaded - unloaded.mean(axis=0)
+    after = positions - positions.mean(axis=0)
     across = float(np.sum(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]))
-    return math.atan2(across, float(np.sum(before * after)))
+    along = float(np.sum(before * after))
+    return math.atan2(across, along)
 
 
 def depth(lattice: Lattice, positions: Array) -> float:
@@ -164,9 +181,10 @@ def depth(lattice: Lattice, positions: Array) -> float:
 
 def turned(positions: Array, angle: float) -> Array:
     """Rotate `positions` (n, 2) about their mean, counter-clockwise [rad]."""
-    c, s = np.cos(angle), np.sin(angle)
+    cos = np.cos(angle)
+    sin = np.sin(angle)
     centre = positions.mean(axis=0)
-    return centre + (positions - centre) @ np.array([[c, s], [-s, c]])
+    return centre + (positions - centre) @ np.array([[cos, sin], [-sin, cos]])
 
 
 # ---- a rigid disk
@@ -187,21 +205,20 @@ def resting_angle(disk: Lattice, modulus: float, a: float, pressure: float) -> f
     # wide as Hertz's.
     from scipy.optimize import minimize_scalar
 
-    depth = 1.0 / a + 2.0 * pressure / (np.pi * modulus)
+    decay_length = 1.0 / a + 2.0 * pressure / (np.pi * modulus)
     x, y = (disk.positions[disk.disk_surface] - disk.mean(disk.positions)).T
 
     def height(angle: float) -> float:
         below = -np.sin(angle) * x - np.cos(angle) * y
         lowest = below.max()
-        return float(lowest + depth * np.log(np.exp((below - lowest) / depth).sum()))
+        weights = np.exp((below - lowest) / decay_length)
+        return float(lowest + decay_length * np.log(weights.sum()))
 
-    angles, step = np.linspace(
-        -np.pi, np.pi, max(360, 4 * len(x)), endpoint=False, retstep=True
-    )
+    count = max(360, 4 * len(x))
+    angles, step = np.linspace(-np.pi, np.pi, count, endpoint=False, retstep=True)
     best = float(min(angles, key=height))
-    return float(
-        minimize_scalar(height, bounds=(best - step, best + step), method="bounded").x
-    )
+    bounds = (best - step, best + step)
+    return float(minimize_scalar(height, bounds=bounds, method="bounded").x)
 
 
 def place_on_wall(
@@ -212,8 +229,5 @@ def place_on_wall(
     # From another angle it would roll for 10^4 R/c, and the compression would refer to
     # the wrong radius.
     positions = turned(disk.positions, angle)
-    return replace(
-        disk,
-        positions=positions
-        + np.array([0.0, rigid_balance(positions[:, 1], wall, load)]),
-    )
+    lift = np.array([0.0, rigid_balance(positions[:, 1], wall, load)])
+    return replace(disk, positions=positions + lift)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Array, Lattice
@@ -53,44 +54,51 @@ def modes(
         bounds = f"from 1 to {most}, the number of vibrations of this disk"
         raise InputError(f"count: must be a whole number {bounds}, not {count!r}")
     if np.abs(springs.strain(disk, disk.positions)).max() > MAX_STRAIN:
-        disk = replace(
-            disk,
-            positions=solve_equilibrium(disk, Model(springs), disk.positions).positions,
-        )
-    masses, matrix = disk.masses, springs.stiffness(disk, disk.positions)
-    frequencies, shapes = _vibrations(matrix, masses, count)
+        rest = solve_equilibrium(disk, Model(springs), disk.positions)
+        disk = replace(disk, positions=rest.positions)
+    masses = disk.masses
+    stiffness = springs.stiffness(disk, disk.positions)
+    frequencies, shapes = _vibrations(stiffness, masses, count)
 
     # Vectors are complex numbers: conj(a) b is the dot product of a and b plus i times
     # their cross product.
-    at_rest, x, v = (
-        (a - disk.mean(a)) @ [1.0, 1.0j]
-        for a in (disk.positions, positions, velocities)
-    )
-    inertia, momentum = (
-        (masses * a.conj() * b).sum() for a, b in ((at_rest, at_rest), (x, v))
-    )
-    energy = 0.5 * float(masses @ np.abs(v) ** 2 - momentum.imag**2 / inertia.real)
+    at_rest = _complex(disk, disk.positions)
+    x = _complex(disk, positions)
+    v = _complex(disk, velocities)
+    inertia = (masses * at_rest.conj() * at_rest).sum().real
+    angular_momentum = (masses * x.conj() * v).sum().imag
+    kinetic = masses @ np.abs(v) ** 2 - angular_momentum**2 / inertia
+    energy = 0.5 * float(kinetic)
     energy += springs.energy(disk, positions) - springs.energy(disk, disk.positions)
 
     overlap = (masses * at_rest.conj() * x).sum()
     rotation = abs(overlap) / overlap
     spin = (masses * at_rest.conj() * v * rotation).sum().imag / abs(overlap)
-    u, w = (
-        np.stack([a.real, a.imag], axis=1)
-        for a in (x * rotation - at_rest, (v - 1j * spin * x) * rotation)
-    )
-    harmonic = 0.5 * float(
-        (masses[:, None] * w * w).sum() + u.ravel() @ (matrix @ u.ravel())
-    )
-    q, p = (np.einsum("kij,i,ij->k", shapes, masses, a) for a in (u, w))
+    displacement = _vectors(x * rotation - at_rest)
+    velocity = _vectors((v - 1j * spin * x) * rotation)
+    u = displacement.ravel()
+    twice_kinetic = (masses[:, None] * velocity * velocity).sum()
+    harmonic = 0.5 * float(twice_kinetic + u @ (stiffness @ u))
+    q = np.einsum("kij,i,ij->k", shapes, masses, displacement)
+    p = np.einsum("kij,i,ij->k", shapes, masses, velocity)
     energies = 0.5 * (p * p + (frequencies * q) ** 2)
     return Modes(
-        frequencies,
-        shapes,
-        energies,
-        harmonic - float(energies.sum()),
-        energy - harmonic,
+        frequencies=frequencies,
+        shapes=shapes,
+        energies=energies,
+        rest=harmonic - float(energies.sum()),
+        anharmonic=energy - harmonic,
     )
+
+
+def _complex(disk: Lattice, values: Array) -> NDArray[np.complex128]:
+    """Return vectors (n, 2), relative to their mean over the disk, as complex numbers
+    (n,)."""
+    return np.asarray((values - disk.mean(values)) @ [1.0, 1.0j])
+
+
+def _vectors(values: NDArray[np.complex128]) -> Array:
+    return np.stack([values.real, values.imag], axis=1)
 
 
 def _vibrations(stiffness: Any, masses: Array, count: int) -> tuple[Array, Array]:
@@ -100,15 +108,17 @@ def _vibrations(stiffness: Any, masses: Array, count: int) -> tuple[Array, Array
     from scipy.sparse import diags
     from scipy.sparse.linalg import eigsh
 
-    scale, solutions = 1.0 / np.sqrt(np.repeat(masses, 2)), count + _RIGID_MODES
+    scale = 1.0 / np.sqrt(np.repeat(masses, 2))
+    size = len(scale)
     matrix = (diags(scale) @ stiffness @ diags(scale)).tocsc()
-    if solutions > _DENSE_FRACTION * len(scale):
+    solutions = count + _RIGID_MODES
+    if solutions > _DENSE_FRACTION * size:
         squares, vectors = eigh(matrix.toarray(), subset_by_index=(0, solutions - 1))
     else:
-        start = np.random.default_rng(0).standard_normal(len(scale))
-        squares, vectors = eigsh(
-            matrix, k=solutions, sigma=-1e-6 * matrix.diagonal().max(), v0=start
-        )
+        below_all = -1e-6 * matrix.diagonal().max()
+        start = np.random.default_rng(0).standard_normal(size)
+        squares, vectors = eigsh(matrix, k=solutions, sigma=below_all, v0=start)
     vibrations = squares.argsort()[_RIGID_MODES:]
-    shapes = (scale[:, None] * vectors[:, vibrations]).T.reshape(count, -1, 2)
-    return np.sqrt(np.maximum(squares[vibrations], 0.0)), shapes
+    frequencies = np.sqrt(np.maximum(squares[vibrations], 0.0))
+    shapes = scale[:, None] * vectors[:, vibrations]
+    return frequencies, shapes.T.reshape(count, -1, 2)

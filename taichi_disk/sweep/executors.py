@@ -3,36 +3,26 @@
 
 from __future__ import annotations
 
-import asyncio
-import gc
-import multiprocessing
-import os
 import pickle
-import threading
-from collections.abc import Generator, Iterator
-from concurrent.futures import (
-    BrokenExecutor,
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    ThreadPoolExecutor,
-)
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from collections.abc import Callable, Generator, Iterator
+from concurrent.futures import BrokenExecutor, Executor, Future
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from itertools import groupby
-from multiprocessing.connection import Connection
 from queue import Empty, SimpleQueue
-from typing import Any
+from time import monotonic
 
 from taichi_disk import runtime
-from taichi_disk.errors import InputError, SimulationError, TaichiDiskError, pip_install
+from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
 from taichi_disk.machine import cores
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import lattice_key
-from taichi_disk.signals import POLL_INTERVAL, ignored_by_children, raise_if_interrupted
+from taichi_disk.signals import POLL_INTERVAL, raise_if_interrupted
+from taichi_disk.sweep.cluster import Cluster
+from taichi_disk.sweep.pool import Pool
 from taichi_disk.sweep.work import (
     PointResult,
+    Task,
     compute_points,
-    compute_task,
     relevant_versions,
 )
 
@@ -43,7 +33,8 @@ Finished = Future[list[PointResult]]
 # figure 3 then has 96 tasks of 0.25 s; setting up the lattice takes a tenth of that
 SCENES_PER_TASK = 6
 LARGE_LATTICE = 2000  # a scene with more points is a task by itself
-CONNECT_TIMEOUT = 8.0  # how long a scheduler may take to answer [s]
+MAX_PARTS = 1_000_000
+SILENCE = 30.0  # time without a result after which the workers are looked at [s]
 
 
 def ordered(scenes: Scenes) -> Scenes:
@@ -52,18 +43,24 @@ def ordered(scenes: Scenes) -> Scenes:
     lattices: dict[object, list[str]] = {}
     for key, scene in scenes.items():
         lattices.setdefault(lattice_key(scene), []).append(key)
-    return {key: scenes[key] for keys in lattices.values() for key in sorted(keys)}
+    in_order: Scenes = {}
+    for keys in lattices.values():
+        for key in sorted(keys):
+            in_order[key] = scenes[key]
+    return in_order
 
 
 def part_of(part: str, scenes: Scenes) -> Scenes:
     """Return part K of N, written "K/N", of `ordered` scenes; consecutive scenes share
     lattices."""
-    k, _, n = part.partition("/")
-    if not (k.isdecimal() and n.isdecimal() and 1 <= int(k) <= int(n) <= 1_000_000):
+    number, _, count = part.partition("/")
+    is_part = number.isdecimal() and count.isdecimal()
+    if not (is_part and 1 <= int(number) <= int(count) <= MAX_PARTS):
         raise InputError(
             f"part: must be K/N with 1 <= K <= N, for example 3/16, not {part}"
         )
-    first, last = ((len(scenes) * edge) // int(n) for edge in (int(k) - 1, int(k)))
+    first = len(scenes) * (int(number) - 1) // int(count)
+    last = len(scenes) * int(number) // int(count)
     return dict(list(scenes.items())[first:last])
 
 
@@ -71,8 +68,11 @@ def tasks_of(scenes: Scenes) -> list[list[str]]:
     tasks: list[list[str]] = []
     for _, group in groupby(scenes, lambda key: lattice_key(scenes[key])):
         keys = list(group)
-        size = 1 if scenes[keys[0]].lattice.points > LARGE_LATTICE else SCENES_PER_TASK
-        tasks += [keys[first : first + size] for first in range(0, len(keys), size)]
+        size = SCENES_PER_TASK
+        if scenes[keys[0]].lattice.points > LARGE_LATTICE:
+            size = 1
+        for first in range(0, len(keys), size):
+            tasks.append(keys[first : first + size])
     return tasks
 
 
@@ -81,20 +81,22 @@ def computed(
     estimate: bool,
     jobs: int | None,
     executor: Executor | None,
-    scheduler: str | None,
+    cluster: Cluster | None,
 ) -> Results:
-    """Yield (key, result) of `ordered` scenes as they finish, computed by a scheduler,
-    an executor or `jobs` processes.
+    """Yield (key, result) of `ordered` scenes as they finish, computed by a cluster, an
+    executor or `jobs` processes.
 
     Raises InputError if workers have other versions, SimulationError if workers fail.
     """
-    tasks, futures, finished = tasks_of(scenes), {}, SimpleQueue[Finished]()
+    tasks = tasks_of(scenes)
     processes = min(jobs or cores(), len(tasks))
     workers: AbstractContextManager[Executor]
+    watch: Callable[[], None] = _do_nothing
     if not tasks:
         return
-    if scheduler is not None:
-        workers = _dask(scheduler)
+    if cluster is not None:
+        workers = cluster.executor()
+        watch = cluster.watch
     elif executor is not None:
         workers = nullcontext(executor)
     elif processes > 1:
@@ -103,108 +105,81 @@ def computed(
         runtime.start()
         yield from zip(scenes, compute_points(scenes.values(), estimate), strict=True)
         return
-    with workers as pool:
-        try:
-            with ignored_by_children():  # a pool starts its processes here
-                for keys in tasks:
-                    packed = pickle.dumps([scenes[key] for key in keys])
-                    future = pool.submit(
-                        compute_task, relevant_versions(), packed, estimate
-                    )
-                    futures[future] = keys
-                    future.add_done_callback(finished.put)
-            import taichi_disk.figures.curves  # noqa: F401 (import now, while workers compute)
+    try:
+        with workers as opened:
+            yield from _carried_out(opened, tasks, scenes, estimate, watch)
+    except TaichiDiskError:
+        raise
+    except ModuleNotFoundError as error:
+        package = str(error.name).partition(".")[0]
+        raise InputError(
+            f"a worker cannot import {package}: install the same packages everywhere"
+        ) from None
+    except Exception as error:
+        raise SimulationError(
+            f"the workers failed ({_cause(error)}); finished points are kept: repeat"
+            " the command to go on"
+        ) from error
 
-            for _ in tasks:
-                future = _next(finished)
-                yield from zip(futures[future], future.result(), strict=True)
-        except TaichiDiskError:
-            raise
-        except Exception as error:
-            cause = f"{type(error).__name__}: {error}"
-            if isinstance(error, BrokenExecutor):
-                cause = "one died, perhaps for lack of memory: use fewer jobs"
-            text = (
-                f"the workers failed ({cause}); finished points are kept: repeat the"
-                " command to go on"
-            )
-            raise SimulationError(text) from error
-        finally:
-            for future in futures:
-                future.cancel()
+
+def _do_nothing() -> None:
+    pass
+
+
+def _cause(error: Exception) -> str:
+    if isinstance(error, BrokenExecutor):
+        return "one died, perhaps for lack of memory: use fewer jobs"
+    return f"{type(error).__name__}: {error}"
+
+
+def _carried_out(
+    executor: Executor,
+    tasks: list[list[str]],
+    scenes: Scenes,
+    estimate: bool,
+    watch: Callable[[], None],
+) -> Results:
+    """Yield (key, result) of the scenes of all tasks. `watch` is called during a
+    silence, and may raise an error."""
+    finished = SimpleQueue[Finished]()
+    futures: dict[Finished, list[str]] = {}
+    try:
+        for keys in tasks:
+            packed = pickle.dumps([scenes[key] for key in keys])
+            task = pickle.dumps(Task(relevant_versions(), packed, estimate))
+            future = executor.submit(pickle.loads, task)
+            futures[future] = keys
+            future.add_done_callback(finished.put)
+        import taichi_disk.figures.curves  # noqa: F401 (while workers compute)
+
+        for _ in tasks:
+            future = _next(finished, watch)
+            yield from zip(futures[future], future.result(), strict=True)
+    finally:
+        for future in futures:
+            future.cancel()
+
+
+def _next(finished: SimpleQueue[Finished], watch: Callable[[], None]) -> Finished:
+    last_look = monotonic()
+    while True:
+        raise_if_interrupted()
+        try:
+            return finished.get(timeout=POLL_INTERVAL)
+        except Empty:
+            if monotonic() > last_look + SILENCE:
+                watch()
+                last_look = monotonic()
 
 
 @contextmanager
-def _pool(jobs: int) -> Iterator[Executor]:
+def _pool(count: int) -> Iterator[Executor]:
     """Open a pool whose processes end with this one, and at once after an error in the
     block."""
-    context = multiprocessing.get_context("spawn")  # a forked Taichi hangs
-    # affects only workers: NumPy is already imported here
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    receiver, sender = context.Pipe(duplex=False)
-    pool = ProcessPoolExecutor(jobs, context, _begin_worker, (receiver,))
+    pool = Pool(count)
     try:
         yield pool
     except BaseException:
-        sender.close()
+        pool.kill()
         raise
-    finally:
-        pool.shutdown(cancel_futures=True)
-        sender.close()
-        receiver.close()
-
-
-def _next(finished: SimpleQueue[Finished]) -> Finished:
-    while True:
-        raise_if_interrupted()
-        with suppress(Empty):
-            return finished.get(timeout=POLL_INTERVAL)
-
-
-def _begin_worker(receiver: Connection) -> None:
-    """Exit when the other end of the pipe closes; otherwise workers would survive a
-    killed parent."""
-    gc.set_threshold(100_000)  # as in the commands
-
-    def watch() -> None:
-        with suppress(EOFError, OSError):
-            receiver.recv()
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
-def count_workers(address: str) -> int:
-    """Return the number of workers of the Dask scheduler at `address`. Raises
-    InputError if no scheduler answers."""
-    try:
-        from distributed import Security
-        from distributed.core import rpc
-    except ImportError:
-        raise InputError(
-            f"Dask needs the package distributed: {pip_install('taichi-disk[cluster]')}"
-        ) from None
-
-    async def identity() -> Any:
-        async with rpc(
-            address, connection_args=Security().get_connection_args("client")
-        ) as scheduler:
-            return await asyncio.wait_for(scheduler.identity(), CONNECT_TIMEOUT)
-
-    try:
-        with ThreadPoolExecutor(1) as thread:  # avoids the event loop of a notebook
-            return len(thread.submit(asyncio.run, identity()).result()["workers"])
-    except Exception as error:  # a server of another kind may answer anything
-        cause = f" ({error})" if isinstance(error, ValueError) else ""
-        raise InputError(
-            f"no Dask scheduler answers at {address}{cause}; start one with `dask"
-            " scheduler`"
-        ) from None
-
-
-@contextmanager
-def _dask(address: str) -> Iterator[Executor]:
-    from distributed import Client
-
-    with Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False) as client:
-        yield client.get_executor()
+    pool.shutdown()

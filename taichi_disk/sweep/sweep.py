@@ -8,7 +8,7 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, contextmanager
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from numbers import Integral
 from pathlib import Path
 from time import perf_counter
@@ -34,8 +34,8 @@ from taichi_disk.progress import Progress, reported, silent
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.sweep_axes import Sweep, target_of, value_of
 from taichi_disk.sweep import executors
-from taichi_disk.sweep.work import PointResult
-from taichi_disk.version import __version__
+from taichi_disk.sweep.cluster import Cluster
+from taichi_disk.sweep.work import PointResult, relevant_versions
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -92,13 +92,14 @@ class SweepResult:
         from taichi_disk.figures.curves import curve_rows
         from taichi_disk.output.inline import card
 
-        figure = self.plot() if self.summary.get("curves") else None
-        curves = curve_rows(self.summary.get("curves", ()))
-        rows = (
-            (label if not k else "", *line)
-            for label, fits in curves
-            for k, line in enumerate(fits)
-        )
+        figure = None
+        if self.summary.get("curves"):
+            figure = self.plot()
+        rows = []
+        for label, laws in curve_rows(self.summary.get("curves", ())):
+            for law, parameters in laws:
+                rows.append((label, law, parameters))
+                label = ""  # stands only beside the first law
         return card(f"{self.summary['scene']}: {_counted(self)}", rows, figure)
 
     def plot(self, x: str | None = None, y: str | None = None) -> Plot:
@@ -114,23 +115,28 @@ class SweepResult:
         Raises InputError if there is no such figure, axis or column.
         """
         from taichi_disk.figures.curves import analyse, curves_figure
+        from taichi_disk.figures.results import result_figure
 
-        first, axes = self.sweep.scenes[0], self.sweep.axes
+        base = self.sweep.scenes[0]
+        axes = self.sweep.axes
         if x or y:
-            from taichi_disk.figures.results import result_figure
-
-            free = [
-                name for name in axes if target_of(first, name) != ("lattice", "seed")
-            ]
-            return result_figure(
-                first, axes, self.rows, x or (free or axes)[0], y or first.results[0]
-            )
-        if not (curves := analyse(first, axes, self.rows)):
+            x = x or self._first_axis()
+            y = y or base.results[0]
+            return result_figure(base, axes, self.rows, x, y)
+        curves = analyse(base, axes, self.rows)
+        if not curves:
             raise InputError(
-                f"there is no figure of {first.scene} over {', '.join(axes)}; name an"
+                f"there is no figure of {base.scene} over {', '.join(axes)}; name an"
                 " axis: plot(x=...)"
             )
-        return curves_figure(first, curves)
+        return curves_figure(base, curves)
+
+    def _first_axis(self) -> str:
+        """Return the first axis that is not the seed, if there is one."""
+        for name in self.sweep.axes:
+            if target_of(self.sweep.scenes[0], name) != ("lattice", "seed"):
+                return name
+        return self.sweep.axes[0]
 
     def dataframe(self) -> DataFrame:
         """Return the rows as a table of pandas. Raises TaichiDiskError if pandas is not
@@ -162,8 +168,7 @@ def run_sweep(
     summary.json and the figure.
 
     An interrupted sweep can be continued. Each row equals the result of `run` for
-    points/KEY.yaml, whoever computes it. With several processes, a script needs `if
-    __name__ == "__main__":`.
+    points/KEY.yaml, whoever computes it.
 
     Args:
         sweep: result of `load_sweep`.
@@ -185,119 +190,158 @@ def run_sweep(
             was changed; no scheduler answers; or workers have other versions.
         SimulationError: the workers failed. Finished points are kept.
     """
-    out, progress, started = as_path(out, "out"), progress or silent, perf_counter()
+    started = perf_counter()
+    out = as_path(out, "out")
+    progress = progress or silent
     if not isinstance(sweep, Sweep):
         raise InputError(f"sweep: must be what load_sweep returns, not {sweep!r:.60}")
     if jobs is not None and not (isinstance(jobs, Integral) and int(jobs) >= 1):
         raise InputError(f"jobs: must be a whole number from 1 on, not {jobs!r}")
     keys = [point_key(scene) for scene in sweep.scenes]
     scenes = executors.ordered(dict(zip(keys, sweep.scenes, strict=True)))
-    scenes = scenes if part is None else executors.part_of(part, scenes)
+    if part is not None:
+        scenes = executors.part_of(part, scenes)
     _check_folder(out)
-    found = {key: _read_point(out, key) for key in scenes}
-    results = {
-        key: point
-        for key, point in found.items()
-        if point and (point.estimated or not estimate)
-    }
-    missing, before = (
-        {key: scene for key, scene in scenes.items() if key not in results},
-        len(results),
-    )
-    of_all = f" (part {part} of {len(keys)})" if part else ""
-    say(f"{len(scenes)} scenes{of_all}, {before} of them computed before")
-    generated = (scene for scene in scenes.values() if scene.lattice.file == "none")
-    if note := next(
-        (note for scene in generated for note in scene.notes(scene.lattice.points)),
-        None,
-    ):
-        say(note)
-    # ask first, because a client waits for ever for a silent server
+    results = _stored(out, scenes, estimate)
+    missing = {key: scenes[key] for key in scenes if key not in results}
+    stored = len(results)
+    of_all = ""
+    if part is not None:
+        of_all = f" (part {part} of {len(keys)})"
+    say(f"{len(scenes)} scenes{of_all}, {stored} of them computed before")
+    _say_note(scenes, say)
+    cluster = None
     if missing and scheduler is not None:
-        count = executors.count_workers(scheduler)
-        say(
-            f"{count} Dask workers"
-            if count
-            else f"waiting: the scheduler at {scheduler} has no workers yet"
-        )
+        cluster = Cluster(scheduler, say)
     prepare_output(out / "points")
     with _claimed(out / "points", sweep):
         if part is None:
-            file, text = out / "scene.yaml", sweep.to_yaml()
-            if (
-                file.exists()
-                and file.read_text(encoding="utf-8", errors="replace") != text
-            ):
-                say(
-                    f"{out} held another sweep: its points are kept, its table is"
-                    " replaced"
-                )
-                for name in FILES:
-                    remove(out / name)
-            write_text(file, text)
+            _begin_table(out, sweep, say)
         for key in results:
             _write_scene(out, key, scenes[key])
-        progress("sweep", before, len(scenes))
-        with closing(
-            executors.computed(missing, estimate, jobs, executor, scheduler)
-        ) as computed:
+        progress("sweep", stored, len(scenes))
+        computed = executors.computed(missing, estimate, jobs, executor, cluster)
+        with closing(computed):
             for key, result in computed:
                 _write_point(out, key, missing[key], result)
                 results[key] = result
                 progress("sweep", len(results), len(scenes))
-        if mixed := _mixed_versions(
-            [result.versions for result in results.values() if result.versions]
-        ):
-            say(
-                f"rows come from different versions, {mixed}: delete {out / 'points'}"
-                " to compute all again"
-            )
-        base, known = (
-            sweep.scenes[0],
-            {name for result in results.values() for name in result.numbers},
-        )
-        names = (
-            *base.results,
-            *(name for name in base.optional_results if name in known),
-            *DIAGNOSTICS,
-        )
-        rows = [
-            _row(sweep, scenes[key], names, key, results[key])
-            for key in keys
-            if key in scenes
-        ]
-        failed = [row for row in rows if row["status"] != "done"]
-        summary = {
-            "scene": base.scene,
-            "axes": sweep.axes,
-            "points": len(rows),
-            "computed_now": len(results) - before,
-            "failed": [
-                {name: row[name] for name in (*sweep.axes, "reason")} for row in failed
-            ],
-        }
-        if part:
-            return SweepResult(
-                rows,
-                summary | {"part": part, "wall_clock": perf_counter() - started},
-                out,
-                sweep,
-            )
-        yaml = {True: "true", False: "false"}
-        table = [
-            {k: yaml[v] if isinstance(v, bool) else v for k, v in row.items()}
-            for row in rows
-        ]
-        write_csv(out / "points.csv", table)
-
-        from taichi_disk.figures.curves import analyse, draw
-
-        if curves := analyse(base, sweep.axes, rows):
-            draw(base, curves, out)
-        summary["curves"] = [curve.summary() for curve in curves]
-        summary |= {"wall_clock": perf_counter() - started, "versions": versions()}
-        write_summary(out / "summary.json", summary)
+        rows = _rows(sweep, [key for key in keys if key in scenes], scenes, results)
+        summary = _summary(sweep, rows, computed_now=len(results) - stored)
+        if part is None:
+            _write_table(out, sweep, rows, summary, started)
+        else:
+            summary |= {"part": part, "wall_clock": perf_counter() - started}
         return SweepResult(rows, summary, out, sweep)
+
+
+def _say_note(scenes: executors.Scenes, say: Say) -> None:
+    """Pass on the first note about a scene, such as how viscous its body is."""
+    for scene in scenes.values():
+        if scene.lattice.file == "none":
+            for note in scene.notes(scene.lattice.points):
+                say(note)
+                return
+
+
+def _check_folder(out: Path) -> None:
+    """Raise InputError if `out` holds a run, or files of somebody else."""
+    refuse_run(out)
+    if (out / "points").is_dir():
+        return
+    for name in FILES:
+        if (out / name).exists():
+            raise InputError(
+                f"{out} holds {name}, which is not from a sweep: choose another folder"
+                " as `out`"
+            )
+
+
+def _begin_table(out: Path, sweep: Sweep, say: Say) -> None:
+    """Write scene.yaml, and remove the table and figure of another sweep."""
+    file = out / "scene.yaml"
+    text = sweep.to_yaml()
+    if file.exists() and file.read_text(encoding="utf-8", errors="replace") != text:
+        say(f"{out} held another sweep: its points are kept, its table is replaced")
+        for name in FILES:
+            remove(out / name)
+    write_text(file, text)
+
+
+def _rows(
+    sweep: Sweep,
+    keys: Sequence[str],
+    scenes: executors.Scenes,
+    results: dict[str, PointResult],
+) -> list[Row]:
+    """Return the rows of points.csv, in the order of `keys`."""
+    known: set[str] = set()
+    for result in results.values():
+        known.update(result.numbers)
+    base = sweep.scenes[0]
+    optional = [name for name in base.optional_results if name in known]
+    names = [*base.results, *optional, *DIAGNOSTICS]
+    rows = []
+    for key in keys:
+        axes = {name: value_of(scenes[key], name) for name in sweep.axes}
+        rows.append(axes | _columns(results[key], names, axes) | {"key": key})
+    return rows
+
+
+def _columns(result: PointResult, names: Sequence[str], axes: Row) -> Row:
+    """Return the columns that follow the axes of a row. A number with the name of an
+    axis, such as `dt`, is the one that was used."""
+    columns: Row = {}
+    for name in names:
+        column = name
+        if name in axes:
+            column = f"{name}_taken"
+        columns[column] = result.numbers.get(name)
+    columns["status"] = result.status
+    columns["reason"] = result.reason
+    columns["warnings"] = "; ".join(result.warnings)
+    return columns
+
+
+def _summary(sweep: Sweep, rows: list[Row], computed_now: int) -> dict[str, Any]:
+    failed = []
+    for row in rows:
+        if row["status"] != "done":
+            failed.append({name: row[name] for name in (*sweep.axes, "reason")})
+    return {
+        "scene": sweep.scenes[0].scene,
+        "axes": sweep.axes,
+        "points": len(rows),
+        "computed_now": computed_now,
+        "failed": failed,
+    }
+
+
+def _write_table(
+    out: Path, sweep: Sweep, rows: list[Row], summary: dict[str, Any], started: float
+) -> None:
+    """Write points.csv, the figure, and summary.json with the fits, which are added to
+    `summary`."""
+    from taichi_disk.figures.curves import analyse, draw
+
+    write_csv(out / "points.csv", [_as_yaml(row) for row in rows])
+    curves = analyse(sweep.scenes[0], sweep.axes, rows)
+    if curves:
+        draw(sweep.scenes[0], curves, out)
+    summary["curves"] = [curve.summary() for curve in curves]
+    summary["wall_clock"] = perf_counter() - started
+    summary["versions"] = versions()
+    write_summary(out / "summary.json", summary)
+
+
+def _as_yaml(row: Row) -> Row:
+    """Return the row with true and false as YAML writes them."""
+    yaml = {True: "true", False: "false"}
+    written = dict(row)
+    for name, value in row.items():
+        if isinstance(value, bool):
+            written[name] = yaml[value]
+    return written
 
 
 @contextmanager
@@ -307,7 +351,7 @@ def _claimed(folder: Path, sweep: Sweep) -> Iterator[None]:
     # Each process locks a hidden file whose name contains the hash of the sweep. The
     # system releases the lock of a killed process. Raises InputError if another sweep
     # holds a lock.
-    name = hashlib.sha256(sweep.to_yaml().encode()).hexdigest()[:20]
+    name = _digest(sweep.to_yaml())[:20]
     own_lock = FileLock(folder / f".{name}.{uuid4().hex}.lock")
     with FileLock(folder / ".lock"):
         for other in folder.glob(".*.lock"):
@@ -329,47 +373,6 @@ def _claimed(folder: Path, sweep: Sweep) -> Iterator[None]:
         remove(Path(own_lock.lock_file))
 
 
-def _mixed_versions(points: list[dict[str, str]]) -> str:
-    packages = (
-        {name: sorted({point.get(name, "?") for point in points}) for name in points[0]}
-        if points
-        else {}
-    )
-    return ", ".join(
-        f"{name} {' and '.join(used)}"
-        for name, used in packages.items()
-        if len(used) > 1
-    )
-
-
-def _check_folder(out: Path) -> None:
-    refuse_run(out)
-    if not (out / "points").is_dir() and (
-        files := [name for name in FILES if (out / name).exists()]
-    ):
-        raise InputError(
-            f"{out} holds {files[0]}, which is not from a sweep: choose another folder"
-            " as `out`"
-        )
-
-
-def _row(
-    sweep: Sweep, scene: Scene, names: Sequence[str], key: str, result: PointResult
-) -> Row:
-    row: Row = {name: value_of(scene, name) for name in sweep.axes}
-    numbers = {name: result.numbers.get(name) for name in names}
-    row |= {
-        f"{name}_taken" if name in row else name: value
-        for name, value in numbers.items()
-    }
-    return row | {
-        "status": result.status,
-        "reason": result.reason,
-        "warnings": "; ".join(result.warnings),
-        "key": key,
-    }
-
-
 def _counted(result: SweepResult) -> str:
     summary = result.summary
     return (
@@ -381,81 +384,114 @@ def _counted(result: SweepResult) -> str:
 def print_sweep(result: SweepResult) -> None:
     from taichi_disk.figures.curves import curve_rows
 
-    summary, failed = result.summary, result.failed
-    part = f"part {summary['part']}: " if "part" in summary else ""
-    for label, fits in curve_rows(summary.get("curves", ())):
+    summary = result.summary
+    part = summary.get("part")
+    for label, laws in curve_rows(summary.get("curves", ())):
         print(label)
-        for law, parameters in fits:
+        for law, parameters in laws:
             print(f"  {law:<24}{parameters}")
-    for row in failed[:MAX_FAILURES]:
-        print(
-            "failed at"
-            f" {', '.join(f'{name}: {row[name]}' for name in summary['axes'])}:"
-            f" {row['reason']}"
-        )
-    if len(failed) > MAX_FAILURES:
-        print(
-            f"... and {len(failed) - MAX_FAILURES} more"
-            + ("" if part else ", see points.csv")
-        )
-    if count := sum(bool(row["warnings"]) for row in result.rows):
-        print(f"{count} points with warnings, see points.csv")
-    print(f"{part}{_counted(result)}; {summary['wall_clock']:.1f} s")
+    _print_failures(result)
+    warned = [row for row in result.rows if row["warnings"]]
+    if warned:
+        print(f"{len(warned)} points with warnings, see points.csv")
+    counted = f"{_counted(result)}; {summary['wall_clock']:.1f} s"
+    if part is None:
+        print(counted)
+    else:
+        print(f"part {part}: {counted}")
     print(f"files in {result.out}")
-    if part:
+    if part is not None:
         print(
             "when all parts are finished, repeat the command without --part to write"
             " table, fits and figure"
         )
 
 
+def _print_failures(result: SweepResult) -> None:
+    failed = result.failed
+    for row in failed[:MAX_FAILURES]:
+        axes = ", ".join(f"{name}: {row[name]}" for name in result.summary["axes"])
+        print(f"failed at {axes}: {row['reason']}")
+    if len(failed) > MAX_FAILURES:
+        more = f"... and {len(failed) - MAX_FAILURES} more"
+        if "part" not in result.summary:
+            more += ", see points.csv"
+        print(more)
+
+
 # ---- the folder `points`: KEY.yaml, the resolved scene of a point, and KEY.json, its
-# result
+# result with a digest
 
 
 def point_key(scene: Scene) -> str:
-    """Return the name of a point: a hash of the version, the resolved scene without
-    `video`, and the scene's files.
+    """Return the name of a point: a hash of the versions that compute it, the resolved
+    scene without `video`, and the scene's files.
 
     Raises InputError if such a file cannot be read.
     """
     sections = asdict(scene)
     del sections["video"]
-    hashed = [
-        __version__,
-        sections,
-        file_digest(scene.lattice.file),
-        file_digest(scene.lattice.velocities),
-    ]
-    return hashlib.sha256(json.dumps(hashed, sort_keys=True).encode()).hexdigest()[:20]
+    files = [file_digest(scene.lattice.file), file_digest(scene.lattice.velocities)]
+    return _digest([relevant_versions(), sections, files])[:20]
+
+
+def _digest(value: Any) -> str:
+    text = json.dumps(value, sort_keys=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _stored(
+    out: Path, scenes: executors.Scenes, estimate: bool
+) -> dict[str, PointResult]:
+    """Return the results in the folder `points`, only those with an error estimate if
+    `estimate`."""
+    results = {}
+    for key in scenes:
+        result = _read_point(out, key)
+        if result is not None and (result.estimated or not estimate):
+            results[key] = result
+    return results
 
 
 def _read_point(out: Path, key: str) -> PointResult | None:
+    """Return the result of a point, or None if there is none. Raises InputError if the
+    file holds anything else than what `_write_point` has written."""
     path = out / "points" / f"{key}.json"
     try:
         record = json.loads(path.read_bytes())
-        result = PointResult(
-            **{item.name: record[item.name] for item in fields(PointResult)}
-        )
-        return result if record["key"] == key else None
+        digest = record.pop("digest")
+        if digest != _digest(record):
+            raise ValueError("it was changed")
+        if record.pop("key") != key:  # a copy of another point
+            return None
+        return PointResult(**record)
     except (FileNotFoundError, NotADirectoryError):
         return None
-    except (ValueError, TypeError, LookupError, RecursionError, OSError) as error:
-        text = (
+    except (
+        ValueError,
+        TypeError,
+        AttributeError,
+        LookupError,
+        RecursionError,
+        OSError,
+    ) as error:
+        raise InputError(
             f"{path}: not the result of a point ({reason(error)}): delete the file to"
             " compute it again"
-        )
-        raise InputError(text) from None
+        ) from None
 
 
 def _write_point(out: Path, key: str, scene: Scene, result: PointResult) -> None:
     _write_scene(out, key, scene)
     if result.status == "done":  # failed points are tried again
-        record = json.dumps(asdict(result) | {"key": key}, indent=1, allow_nan=False)
-        write_text(out / "points" / f"{key}.json", record + "\n")
+        record = asdict(result) | {"key": key}
+        record["digest"] = _digest(record)
+        text = json.dumps(record, indent=1, allow_nan=False)
+        write_text(out / "points" / f"{key}.json", text + "\n")
 
 
 def _write_scene(out: Path, key: str, scene: Scene) -> None:
-    path, text = out / "points" / f"{key}.yaml", scene.to_yaml().encode()
-    if not (path.is_file() and path.read_bytes() == text):
-        write_text(path, text.decode())
+    path = out / "points" / f"{key}.yaml"
+    text = scene.to_yaml()
+    if not (path.is_file() and path.read_bytes() == text.encode()):
+        write_text(path, text)

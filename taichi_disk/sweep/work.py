@@ -6,7 +6,9 @@ from __future__ import annotations
 import atexit
 import pickle
 import socket
+import threading
 from collections.abc import Iterable, Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import lru_cache
 from math import isfinite
@@ -15,8 +17,10 @@ from typing import Any
 from taichi_disk import engine, runtime
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.output.files import versions
-from taichi_disk.scenes import Scene, check_memory
+from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import outcome_of, setup_of
+
+MAX_REASON = 300  # number of characters of an unexpected error's message
 
 
 @dataclass(frozen=True)
@@ -30,8 +34,21 @@ class PointResult:
     numbers: dict[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     estimated: bool = False  # whether an error estimate was requested
-    # of the packages that computed the result
-    versions: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Task:
+    """Scenes that one worker computes. Unpickling a task computes it, and returns the
+    results of its scenes, in order."""
+
+    # A worker without this package then fails in the task, and its error comes back. A
+    # Dask worker that cannot unpickle a function closes itself without a word.
+    expected: dict[str, str]  # versions installed where the sweep was started
+    scenes: bytes  # pickled; unpickled only if the worker has the expected versions
+    estimate: bool
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return compute_task, (self.expected, self.scenes, self.estimate)
 
 
 def relevant_versions() -> dict[str, str]:
@@ -41,25 +58,36 @@ def relevant_versions() -> dict[str, str]:
 def compute_task(
     expected: dict[str, str], scenes: bytes, estimate: bool
 ) -> list[PointResult]:
-    """Compute a task of an executor and return the results of its scenes, in order.
+    """Compute a `Task` of an executor. Raises InputError if other versions are
+    installed here."""
+    _check_versions(expected)
+    if threading.current_thread() is threading.main_thread():
+        return _compute(scenes, estimate)
+    # A worker may have several threads, and Taichi makes fields only in the thread that
+    # started it.
+    return _taichi_thread().submit(_compute, scenes, estimate).result()
 
-    `expected`: versions installed where the sweep was started; `scenes`: pickled
-    scenes, which are unpickled only if the versions here agree. Raises InputError if
-    they do not.
-    """
+
+def _check_versions(expected: dict[str, str]) -> None:
     installed = relevant_versions()
-    mismatches = [
-        f"{name} {installed.get(name)} instead of {version}"
-        for name, version in expected.items()
-        if installed.get(name) != version
-    ]
+    mismatches = []
+    for name, version in expected.items():
+        if installed.get(name) != version:
+            mismatches.append(f"{name} {installed.get(name)} instead of {version}")
     if mismatches:
-        worker = f"a worker on {socket.gethostname()}"
         raise InputError(
-            f"{worker} has {', '.join(mismatches)}: install the same versions"
-            " everywhere"
+            f"a worker on {socket.gethostname()} has {', '.join(mismatches)}: install"
+            " the same versions everywhere"
         )
-    with runtime.alone():  # a worker may have several threads
+
+
+@lru_cache(maxsize=1)
+def _taichi_thread() -> Executor:
+    return ThreadPoolExecutor(1, thread_name_prefix="computing")
+
+
+def _compute(scenes: bytes, estimate: bool) -> list[PointResult]:
+    with runtime.alone():
         _start_worker()
     return list(compute_points(pickle.loads(scenes), estimate))
 
@@ -68,34 +96,42 @@ def compute_task(
 def _start_worker() -> None:
     """Start Taichi on one core unless this process uses it already. Taichi stops at
     exit, which saves its cache."""
-    runtime.start(None if engine.loaded() else 1)
+    if engine.loaded():
+        runtime.start()
+    else:
+        runtime.start(threads=1)
     atexit.register(engine.loaded().reset)
 
 
 def compute_points(scenes: Iterable[Scene], estimate: bool) -> Iterator[PointResult]:
+    """Yield the results of `scenes`. Whatever error a scene causes, the next one is
+    computed."""
     for scene in scenes:
         try:
             yield _computed(scene, estimate)
-        except (TaichiDiskError, MemoryError) as error:
-            yield PointResult("failed", str(error) or "not enough memory")
+        except TaichiDiskError as error:
+            yield PointResult("failed", str(error))
+        except MemoryError:
+            yield PointResult("failed", "not enough memory")
+        except Exception as error:
+            message = " ".join(str(error).split())
+            reason = f"unexpected {type(error).__name__}: {message[:MAX_REASON]}"
+            yield PointResult("failed", reason)
 
 
 @runtime.alone()
 def _computed(scene: Scene, estimate: bool) -> PointResult:
-    check_memory(scene)
     outcome = outcome_of(scene, estimate=estimate)
     summary = outcome.summary
-    numbers: dict[str, Any] = (
-        outcome.scenario.result(outcome.columns) | setup_of(scene).moduli
-    )
-    if not all(map(isfinite, numbers.values())):
-        return PointResult("failed", "a result is not a finite number")
+    numbers: dict[str, Any] = dict(outcome.scenario.result(outcome.columns))
+    numbers |= setup_of(scene).moduli
     numbers["error_estimate"] = next(iter(summary["error_estimate"].values()), None)
     if "energy" in summary:
         numbers["energy_imbalance"] = summary["energy"]["closing_imbalance"]
-    numbers |= {
-        name: summary[name]
-        for name in ("residual", "dt", "steps", "integrator")
-        if name in summary
-    }
-    return PointResult("done", None, numbers, summary["warnings"], estimate, versions())
+    for name in ("residual", "dt", "steps", "integrator"):
+        if name in summary:
+            numbers[name] = summary[name]
+    for name, value in numbers.items():
+        if isinstance(value, float) and not isfinite(value):
+            return PointResult("failed", f"{name} is not a finite number")
+    return PointResult("done", None, numbers, summary["warnings"], estimate)

@@ -1,9 +1,9 @@
-// Controls in HTML: sliders with a number that can be typed, choices, the list of scenes, the table of results.
+// Controls in HTML: sliders with a number that can be typed, and choices.
 
 import { element } from "./html.js";
 
 const DEGREE = 180 / Math.PI;
-const digits = (value, count = 6) => String(Number(value.toPrecision(count)));
+export const digits = (value, count = 6) => String(Number(value.toPrecision(count)));
 
 // A slider, logarithmic unless its range begins at 0 or below; `set` is called with the key and the value.
 class Slider {
@@ -15,9 +15,17 @@ class Slider {
     this.number = element("input", number);
     this.degrees = element("input", { ...number, ariaLabel: "angle in degrees" });
     const fields = key === "impact.angle" ? [this.number, this.degrees] : [this.number];
-    this.node = element("div", { className: "slider" }, this.name, ...this.ends, this.range, ...fields);
+    this.node = element(
+      "div",
+      { className: "slider" },
+      this.name,
+      ...this.ends,
+      this.range,
+      ...fields,
+    );
     const lead = () => {
-      const place = Number(this.range.value), value = this.spec.low > 0 ? Math.exp(place) : place;
+      const place = Number(this.range.value);
+      const value = this.spec.low > 0 ? Math.exp(place) : place;
       set(key, key === "lattice.points" ? Math.round(value) : Number(digits(value, 3)));
     };
     this.range.oninput = () => this.spec.live && lead();
@@ -36,7 +44,9 @@ class Slider {
 
   show(spec) {
     const { key, name, unit, low, high, value, meaning, keys, live } = (this.spec = spec);
-    const text = unit ? `${name} [${unit}]` : name, place = low > 0 ? Math.log : Number, { range } = this;
+    const { range } = this;
+    const text = unit ? `${name} [${unit}]` : name;
+    const place = low > 0 ? Math.log : Number;
     const ends = { min: place(low), max: place(high) };
     this.name.textContent = key === "impact.angle" ? `${name} [${unit}, °]` : text;
     this.node.title = keys ? `${meaning} (keys ${keys})` : meaning;
@@ -83,39 +93,4 @@ export class Controls {
     }
     for (const spec of specs) this.made.get(spec.key).show(spec);
   }
-}
-
-export function showScenes(parent, playlist, number) {
-  parent.replaceChildren(...playlist.map(([name, sentence], k) => {
-    const words = [element("b", {}, name), element("small", {}, sentence)];
-    const entry = element("button", { ariaCurrent: k === number }, ...words);
-    entry.dataset.play = k;
-    return entry;
-  }));
-}
-
-const COLUMNS = {
-  result: "result", value: "value", load: "v [c], P [Mc²/R]", angle: "angle [rad]", spin: "spin [c/R]",
-  turn: "turn [rad]", friction: "friction μ", eta_star: "η*", a: "a [1/R]", points: "N", seed: "seed",
-  contact_time: "contact [R/c]", disturbance: "disturbed",
-};
-
-// The newest result comes first. Each cell's `title` has all digits.
-export function showResults(table, results) {
-  if (!results.length) return table.replaceChildren(element("caption", {}, "Finished experiments are listed here."));
-  const keys = Object.keys(COLUMNS).filter((key) => results.some((one) => one[key]));
-  const cell = (value, key) => {
-    const text = key === "value" ? value.toFixed(6) : typeof value === "number" ? digits(value, 5) : value;
-    return element("td", { title: value }, text);
-  };
-  const row = (cells) => element("tr", {}, ...cells);
-  const head = row(keys.map((key) => element("th", { scope: "col" }, COLUMNS[key])));
-  const rows = results.map((one) => row(keys.map((key) => cell(one[key] ?? "", key)))).reverse();
-  table.replaceChildren(element("thead", {}, head), element("tbody", {}, ...rows));
-}
-
-export function asText(table, separator) {
-  const quoted = (text) => (text.includes(separator) ? `"${text}"` : text);
-  const cells = (row) => [...row.cells].map((cell) => quoted(cell.title || cell.textContent)).join(separator);
-  return [...table.rows].map(cells).join("\n") + "\n";
 }

@@ -27,7 +27,7 @@ from taichi_disk.render.palette import THEMES, Theme, colour_map, map_kind
 _ACCENT = "rgb(230, 115, 0)"
 # Texts of the page for the start, a collected curve and its axes.
 _IMPACT_LABELS = {
-    "drop": "Drop",
+    "drop": "Throw",
     "collect": "Collect e(v)",
     "curve": "restitution e over the speed v [c]",
 }

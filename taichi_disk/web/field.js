@@ -1,124 +1,184 @@
-// Draws triangles, springs and points by WebGL2. A new state uploads one texture: positions and values.
+// Draws triangles, springs and points on the processor, into an image with the canvas's pixels.
+// It needs no graphics driver, and was faster than WebGL by software in every case measured.
 
-const WIDTH = 2048; // texels in a row of that texture
-const VERTEX = `#version 300 es
-precision highp float;
-uniform highp sampler2D points; // x, y [R] and value of each point, then values of springs
-uniform float factor; // pixels per R
-uniform vec2 shift, size; // position of the origin, size of the canvas [px], y upwards
-uniform highp int mark; // 0: triangle, 1: spring, 2: point
-uniform highp int own; // where values of springs begin; 0: a spring has the mean of its ends
-uniform float radius; // half the width of a spring or a point [px]
-in uvec2 ends; // of a spring
-out float value;
-out vec2 away; // from the middle of a mark [px]
+const LEVELS = 1024; // of the table of colours; a power of two, so that fringes can wrap
+const OPAQUE = 255 << 24;
 
-vec3 texel(int i) {
-  return texelFetch(points, ivec2(i % ${WIDTH}, i / ${WIDTH}), 0).xyz * vec3(factor, factor, 1.0) + vec3(shift, 0.0);
-}
-
-void main() {
-  vec2 corner = (radius + 1.0) * vec2((gl_VertexID & 1) * 2 - 1, (gl_VertexID & 2) - 1);
-  vec3 a = texel(mark == 0 ? gl_VertexID : mark == 1 ? int(ends.x) : gl_InstanceID);
-  value = a.z;
-  away = mark == 0 ? vec2(0.0) : mark == 1 ? vec2(0.0, corner.y) : corner;
-  if (mark == 1) {
-    vec3 b = texel(int(ends.y));
-    vec2 along = normalize(b.xy - a.xy + vec2(1e-9, 0.0));
-    value = own > 0 ? texel(own + gl_InstanceID).z : 0.5 * (a.z + b.z);
-    a.xy = (corner.x < 0.0 ? a.xy : b.xy) + corner.y * vec2(-along.y, along.x);
+// Return colours as the image stores them, for LEVELS values from 0 to 1; `map`: 256 x 3 bytes.
+function table(map, fringes) {
+  const colours = new Int32Array(LEVELS);
+  for (let k = 0; k < LEVELS; k++) {
+    const part = fringes ? Math.sin((Math.PI * (k + 0.5)) / LEVELS) ** 2 : k / (LEVELS - 1);
+    const place = 3 * Math.round(255 * part);
+    colours[k] = OPAQUE | (map[place + 2] << 16) | (map[place + 1] << 8) | map[place];
   }
-  a.xy += mark == 2 ? corner : vec2(0.0);
-  gl_Position = vec4(2.0 * a.xy / size - 1.0, 0.0, 1.0);
-}`;
-const FRAGMENT = `#version 300 es
-precision highp float;
-uniform sampler2D colours;
-uniform vec2 scale; // from a value to its place in the colour map: factor and shift
-uniform bool fringes;
-uniform float ink; // opacity of black, which is drawn instead of the map's colour unless 0
-uniform highp int mark;
-uniform float radius;
-in float value;
-in vec2 away;
-out vec4 colour;
-
-void main() {
-  float level = value * scale.x + scale.y;
-  if (fringes) level = pow(sin(3.14159265 * level), 2.0);
-  vec3 mapped = texture(colours, vec2(clamp(level, 0.0, 1.0) * (255.0 / 256.0) + 0.5 / 256.0, 0.5)).rgb;
-  float covered = mark == 0 ? 1.0 : clamp(radius + 0.5 - length(away), 0.0, 1.0);
-  colour = covered * (ink > 0.0 ? vec4(vec3(0.0), ink) : vec4(mapped, 1.0));
-}`;
+  return colours;
+}
 
 export class Field {
   constructor({ points, triangles, springs }) {
     this.canvas = document.createElement("canvas");
-    const gl = (this.gl = this.canvas.getContext("webgl2", { antialias: false, depth: false }));
-    if (!gl) throw new Error("This browser has no WebGL 2, which draws the disk: update it, or allow acceleration.");
-    const program = gl.createProgram();
-    for (const [kind, source] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
-      const shader = gl.createShader(kind);
-      gl.shaderSource(shader, source);
-      gl.compileShader(shader);
-      gl.attachShader(program, shader);
-    }
-    gl.linkProgram(program);
-    const failed = !gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost();
-    if (failed) throw new Error(gl.getProgramInfoLog(program));
-    gl.useProgram(program);
-    this.uniform = (kind, name, ...values) => gl[`uniform${kind}`](gl.getUniformLocation(program, name), ...values);
-    gl.enable(gl.BLEND);
-    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
-    this.count = { points, springs: springs.length / 2, corners: triangles.length };
-    this.texels = new Float32Array(4 * WIDTH * Math.ceil((points + this.count.springs) / WIDTH));
-    for (const [unit, filter] of [[gl.TEXTURE0, gl.NEAREST], [gl.TEXTURE1, gl.LINEAR]]) {
-      gl.activeTexture(unit);
-      gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
-      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, filter);
-      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, filter);
-      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
-    }
-    this.uniform("1i", "colours", 1);
-    for (const [target, data] of [[gl.ELEMENT_ARRAY_BUFFER, triangles], [gl.ARRAY_BUFFER, springs]]) {
-      gl.bindBuffer(target, gl.createBuffer());
-      gl.bufferData(target, data, gl.STATIC_DRAW);
-    }
-    const ends = gl.getAttribLocation(program, "ends");
-    gl.enableVertexAttribArray(ends);
-    gl.vertexAttribIPointer(ends, 2, gl.UNSIGNED_INT, 0, 0);
-    gl.vertexAttribDivisor(ends, 1);
+    // Keep the canvas in the processor's memory, where the image is.
+    this.context = this.canvas.getContext("2d", { willReadFrequently: true });
+    Object.assign(this, { triangles, springs });
+    this.places = new Float32Array(2 * points); // [px], y downwards
+    this.levels = new Float32Array(points + springs.length / 2); // in the table of colours
   }
 
-  // positions (2n) [R]; values (n), or one for each spring; marks: what to draw, in order, as {mark, radius, ink};
-  // colours: 256 x 3 bytes; factor, shift, scale and fringes are the shaders' uniforms.
+  // positions (2n) [R]; values (n), or one for each spring; marks: what to draw, in order, as
+  // {mark: 0 triangles, 1 springs, 2 points; radius [px]; ink: opacity of black instead of a
+  // colour}; colours: 256 x 3 bytes; factor: pixels per R; shift: the origin [px], y upwards;
+  // scale: factor and shift from a value to its place in the colour map; fringes: whether the
+  // colours repeat.
   draw(width, height, { positions, values, marks, colours, factor, shift, scale, fringes }) {
-    const { gl, texels, canvas, count } = this, own = values.length === count.points ? 0 : count.points;
-    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
-    for (let i = 0; i < count.points; i++) {
-      texels[4 * i] = positions[2 * i];
-      texels[4 * i + 1] = positions[2 * i + 1];
+    if (this.image?.width !== width || this.image.height !== height) {
+      Object.assign(this.canvas, { width, height });
+      this.image = this.context.createImageData(width, height);
+      this.pixels = new Int32Array(this.image.data.buffer);
     }
-    values.forEach((value, i) => (texels[4 * (own + i) + 2] = value));
-    gl.activeTexture(gl.TEXTURE0);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, WIDTH, texels.length / WIDTH / 4, 0, gl.RGBA, gl.FLOAT, texels);
-    gl.activeTexture(gl.TEXTURE1);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB8, 256, 1, 0, gl.RGB, gl.UNSIGNED_BYTE, colours);
-    gl.viewport(0, 0, width, height);
-    gl.clear(gl.COLOR_BUFFER_BIT);
-    this.uniform("1f", "factor", factor);
-    this.uniform("2fv", "shift", shift);
-    this.uniform("2f", "size", width, height);
-    this.uniform("2fv", "scale", scale);
-    this.uniform("1i", "fringes", fringes);
-    this.uniform("1i", "own", own);
+    Object.assign(this, { width, height, fringes });
+    this.pixels.fill(0);
+    this.table = table(colours, fringes);
+    for (let i = 0; i < this.places.length; i += 2) {
+      this.places[i] = shift[0] + factor * positions[i];
+      this.places[i + 1] = height - shift[1] - factor * positions[i + 1];
+    }
+    const last = fringes ? LEVELS : LEVELS - 1;
+    for (let i = 0; i < values.length; i++) {
+      this.levels[i] = last * (scale[0] * values[i] + scale[1]);
+    }
+    const ofSprings = values.length !== this.places.length / 2;
     for (const { mark, radius = 0, ink = 0 } of marks) {
-      this.uniform("1i", "mark", mark);
-      this.uniform("1f", "radius", radius);
-      this.uniform("1f", "ink", ink);
-      if (mark === 0) gl.drawElements(gl.TRIANGLES, count.corners, gl.UNSIGNED_INT, 0);
-      else gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, mark === 1 ? count.springs : count.points);
+      if (mark === 0) this.fillTriangles();
+      else if (mark === 1) this.drawSprings(radius, ink, ofSprings);
+      else this.drawPoints(radius);
     }
-    return canvas;
+    this.context.putImageData(this.image, 0, 0);
+    return this.canvas;
+  }
+
+  colour(level) {
+    if (this.fringes) return this.table[Math.floor(level) & (LEVELS - 1)];
+    return this.table[Math.min(Math.max(Math.round(level), 0), LEVELS - 1)];
+  }
+
+  fillTriangles() {
+    const { places, triangles } = this;
+    for (let k = 0; k < triangles.length; k += 3) {
+      // The corners from top to bottom: neighbours then find the same pixels on a common side.
+      let top = triangles[k];
+      let middle = triangles[k + 1];
+      let bottom = triangles[k + 2];
+      if (places[2 * top + 1] > places[2 * middle + 1]) [top, middle] = [middle, top];
+      if (places[2 * middle + 1] > places[2 * bottom + 1]) [middle, bottom] = [bottom, middle];
+      if (places[2 * top + 1] > places[2 * middle + 1]) [top, middle] = [middle, top];
+      this.fillTriangle(top, middle, bottom);
+    }
+  }
+
+  // Fill the pixels whose middle is in a triangle, with values interpolated between its corners.
+  fillTriangle(a, b, c) {
+    const { places, levels, pixels, width, height, fringes } = this;
+    const colours = this.table;
+    const ax = places[2 * a];
+    const ay = places[2 * a + 1];
+    const bx = places[2 * b] - ax;
+    const by = places[2 * b + 1] - ay;
+    const cx = places[2 * c] - ax;
+    const cy = places[2 * c + 1] - ay;
+    const area = bx * cy - cx * by;
+    if (!area) return;
+    const level = levels[a];
+    const bLevel = levels[b] - level;
+    const cLevel = levels[c] - level;
+    const slopeX = (bLevel * cy - cLevel * by) / area;
+    const slopeY = (cLevel * bx - bLevel * cx) / area;
+    const firstRow = Math.max(Math.ceil(ay - 0.5), 0);
+    const endRow = Math.min(Math.ceil(ay + cy - 0.5), height);
+    for (let row = firstRow; row < endRow; row++) {
+      const dy = row + 0.5 - ay;
+      const long = (cx * dy) / cy;
+      const short = dy < by ? (bx * dy) / by : bx + ((cx - bx) * (dy - by)) / (cy - by);
+      const first = Math.max(Math.ceil(ax + Math.min(long, short) - 0.5), 0);
+      const end = Math.min(Math.ceil(ax + Math.max(long, short) - 0.5), width);
+      let value = level + slopeY * dy + slopeX * (first + 0.5 - ax);
+      const stop = row * width + end;
+      for (let at = row * width + first; at < stop; at++) {
+        let place = fringes ? Math.floor(value) & (LEVELS - 1) : (value + 0.5) | 0;
+        if (place < 0) place = 0;
+        else if (place >= LEVELS) place = LEVELS - 1;
+        pixels[at] = colours[place];
+        value += slopeX;
+      }
+    }
+  }
+
+  // A spring has its own value, or the mean of its ends.
+  drawSprings(radius, ink, ofSprings) {
+    const { places, levels, springs, width, height } = this;
+    const alongX = { ahead: 1, beside: width, length: width, breadth: height };
+    const alongY = { ahead: width, beside: 1, length: height, breadth: width };
+    for (let k = 0; k < springs.length; k += 2) {
+      const a = springs[k];
+      const b = springs[k + 1];
+      const level = ofSprings ? levels[k / 2] : 0.5 * (levels[a] + levels[b]);
+      const brush = { radius, opacity: ink || 1, colour: ink ? OPAQUE : this.colour(level) };
+      const x = places[2 * a];
+      const y = places[2 * a + 1];
+      const dx = places[2 * b] - x;
+      const dy = places[2 * b + 1] - y;
+      if (Math.abs(dx) > Math.abs(dy)) this.drawLine(alongX, brush, x, y, dx, dy / dx);
+      else if (dy) this.drawLine(alongY, brush, y, x, dy, dx / dy);
+    }
+  }
+
+  // Draw a line with soft sides. Its first coordinate is along the axis to which it is closer:
+  // it begins at (x, y), goes as far as `dx`, and rises by `slope`.
+  drawLine({ ahead, beside, length, breadth }, { radius, opacity, colour }, x, y, dx, slope) {
+    const slant = 1 / Math.sqrt(1 + slope * slope);
+    const reach = (radius + 0.5) / slant;
+    const first = Math.max(Math.ceil(Math.min(x, x + dx) - 0.5), 0);
+    const end = Math.min(Math.ceil(Math.max(x, x + dx) - 0.5), length);
+    for (let column = first; column < end; column++) {
+      const centre = y + slope * (column + 0.5 - x) - 0.5;
+      const low = Math.max(Math.ceil(centre - reach), 0);
+      const high = Math.min(Math.floor(centre + reach), breadth - 1);
+      for (let row = low; row <= high; row++) {
+        const covered = Math.min(radius + 0.5 - Math.abs(row - centre) * slant, 1);
+        this.blend(column * ahead + row * beside, colour, opacity * covered);
+      }
+    }
+  }
+
+  drawPoints(radius) {
+    const { places, levels, width, height } = this;
+    const reach = radius + 0.5;
+    for (let i = 0; i < places.length / 2; i++) {
+      const x = places[2 * i] - 0.5;
+      const y = places[2 * i + 1] - 0.5;
+      const colour = this.colour(levels[i]);
+      const right = Math.min(Math.floor(x + reach), width - 1);
+      const bottom = Math.min(Math.floor(y + reach), height - 1);
+      for (let row = Math.max(Math.ceil(y - reach), 0); row <= bottom; row++) {
+        for (let column = Math.max(Math.ceil(x - reach), 0); column <= right; column++) {
+          const distance = Math.sqrt((column - x) ** 2 + (row - y) ** 2);
+          const covered = Math.min(reach - distance, 1);
+          if (covered > 0) this.blend(row * width + column, colour, covered);
+        }
+      }
+    }
+  }
+
+  // Put a colour with an opacity over a pixel.
+  blend(at, colour, opacity) {
+    const { pixels } = this;
+    const below = pixels[at];
+    const alpha = below >>> 24;
+    const sum = opacity * 255 + alpha * (1 - opacity);
+    const part = alpha === 255 ? opacity : (255 * opacity) / sum;
+    const red = (below & 255) + part * ((colour & 255) - (below & 255));
+    const green = ((below >> 8) & 255) + part * (((colour >> 8) & 255) - ((below >> 8) & 255));
+    const blue = ((below >> 16) & 255) + part * (((colour >> 16) & 255) - ((below >> 16) & 255));
+    pixels[at] = ((sum + 0.5) << 24) | ((blue + 0.5) << 16) | ((green + 0.5) << 8) | (red + 0.5);
   }
 }

@@ -1,12 +1,14 @@
 // Mouse, wheel and fingers on a disk: they move and zoom the picture, and take hold of things in a sandbox.
 
-import { AIM } from "./draw.js";
+import { arrowLength, arrowSpeed } from "./draw.js";
 
+const AIM_SCALE = 0.05; // velocity for which the program takes an aim as long as R [c/R]
 const REACH = 24; // largest distance from the velocity's tip at which a press grasps it [px]
 
 // `view` has `pan` and `zoom`. `grip` returns what one finger or the main button holds: {move, end}, or nothing.
 export function followPointers(canvas, view, redraw, grip = () => null) {
-  const pointers = new Map(), place = (event) => [event.offsetX, event.offsetY];
+  const pointers = new Map(),
+    place = (event) => [event.offsetX, event.offsetY];
   let held = null;
   const letGo = (cancelled) => {
     held?.end?.(cancelled);
@@ -19,7 +21,8 @@ export function followPointers(canvas, view, redraw, grip = () => null) {
     if (pointers.size === 1 && !event.button && !event.shiftKey) held = grip(...place(event));
   };
   canvas.onpointermove = (event) => {
-    const before = pointers.get(event.pointerId), now = place(event);
+    const before = pointers.get(event.pointerId),
+      now = place(event);
     if (!before) return;
     pointers.set(event.pointerId, now);
     const other = [...pointers].find(([id]) => id !== event.pointerId)?.[1];
@@ -44,26 +47,47 @@ export function followPointers(canvas, view, redraw, grip = () => null) {
   };
 }
 
-// Return what a press at (px, py) holds: before the throw the disk, which turns, or its velocity; later a point.
+// Return what a press at (px, py) holds: before the throw the disk, which turns, or its velocity;
+// later a point.
 export function grip(sandbox, px, py) {
-  const { drawing, state, panel, send, plays, ui } = sandbox;
+  const { drawing, state, panel, plays, ui } = sandbox;
   if (!plays || !state) return null;
-  const { com_x: cx, com_y: cy, com_vx, com_vy } = state.row, world = (...at) => drawing.toWorld(...at);
-  const [x0, y0] = world(px, py);
   if (!panel.atStart || ui.arrow.disabled) return pull(sandbox, px, py);
-  const aim = (fromX, fromY) => ({
-    move: (...at) => send({ do: "aim", dx: world(...at)[0] - fromX, dy: world(...at)[1] - fromY }),
+  const { com_x: x, com_y: y, com_vx: vx, com_vy: vy } = state.row;
+  const speed = Math.hypot(vx, vy);
+  const length = arrowLength(speed) / speed;
+  const [tipX, tipY] = drawing.toScreen(x + length * vx, y + length * vy);
+  const isAtTip = Math.hypot(tipX - px, tipY - py) < REACH;
+  if (ui.arrow.checked && isAtTip) return aim(sandbox, x, y);
+  const [pressedX, pressedY] = drawing.toWorld(px, py);
+  const distance = (i) => Math.hypot(state.x[2 * i] - x, state.x[2 * i + 1] - y);
+  const radius = Math.max(...Array.from(drawing.scene.outline, distance));
+  if (Math.hypot(pressedX - x, pressedY - y) > radius) return aim(sandbox, pressedX, pressedY);
+  return turn(sandbox, pressedX, pressedY);
+}
+
+// Draw the throw from (fromX, fromY) [R].
+function aim({ drawing, send }, fromX, fromY) {
+  return {
+    move(px, py) {
+      const [x, y] = drawing.toWorld(px, py);
+      const length = Math.hypot(x - fromX, y - fromY);
+      const factor = length ? arrowSpeed(length) / length / AIM_SCALE : 0;
+      send({ do: "aim", dx: factor * (x - fromX), dy: factor * (y - fromY) });
+    },
     end: (cancelled) => send({ do: cancelled ? "release" : "throw" }),
-  });
-  const [tipX, tipY] = drawing.toScreen(cx + com_vx / AIM, cy + com_vy / AIM);
-  if (ui.arrow.checked && Math.hypot(tipX - px, tipY - py) < REACH) return aim(cx, cy);
-  const distances = Array.from(drawing.scene.outline, (i) => Math.hypot(state.x[2 * i] - cx, state.x[2 * i + 1] - cy));
-  if (Math.hypot(x0 - cx, y0 - cy) > Math.max(...distances)) return aim(x0, y0);
+  };
+}
+
+// Turn the disk, which is held at (fromX, fromY) [R].
+function turn({ drawing, state, send }, fromX, fromY) {
+  const { com_x: centreX, com_y: centreY } = state.row;
+  const first = Math.atan2(fromY - centreY, fromX - centreX);
   let angle = 0;
   return {
-    move(...at) {
-      const [x, y] = world(...at);
-      angle = Math.atan2(y - cy, x - cx) - Math.atan2(y0 - cy, x0 - cx);
+    move(px, py) {
+      const [x, y] = drawing.toWorld(px, py);
+      angle = Math.atan2(y - centreY, x - centreX) - first;
       send({ do: "turn", angle, final: 0 });
     },
     end: (cancelled) => angle && send({ do: "turn", angle: cancelled ? 0 : angle, final: 1 }),

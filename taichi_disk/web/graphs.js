@@ -1,45 +1,81 @@
-// Curves over time, in which a drag goes back in time, and the diagram of results. CSS draws their frames.
+// Curves over time, in which a drag goes back in time. CSS draws the frame of a plot.
 
 import { element } from "./html.js";
 import { label, line, roundAbove } from "./legend.js";
 
 const GRAPHS = [["energy"], ["force", "motion"]]; // what each graph shows, on its left and right scale
+const TIME_STEP = 5; // the axis of time grows by this [R/c]
+const NAMES = 104; // width for the names of the curves [px]
+const LINE_HEIGHT = 14; // of a name [px]
 
+// Write names, each with the curve whose colours it has, if any.
 export function legend(caption, names) {
-  const name = ([text, colour]) => (colour ? element("span", { style: `--curve: ${colour}` }, text) : text);
+  const name = ([text, curve]) => {
+    if (!curve) return text;
+    const [, , light, dark] = curve;
+    return element("span", { style: `--curve: light-dark(${light}, ${dark})` }, text);
+  };
   caption.replaceChildren(...names.map(name));
 }
 
-// Write numbers around a plot: its scales {low, high} left and right, [fraction of the width, text] below. A rule is
-// drawn at 0, or in the middle if the scales have no 0 inside; all scales have it at the same height.
-function frame(plot, contents, below, ...scales) {
+// Write numbers around a plot: its scales {low, high} left and right, [fraction of the width, text]
+// below. A rule is drawn in the middle of a scale, or at its 0.
+export function frame(plot, contents, below, ...scales) {
   const middle = ({ low, high }) => (low < 0 ? 0 : (low + high) / 2);
   const height = (scale, value) => (100 * (value - scale.low)) / (scale.high - scale.low);
-  const beside = (scale, k) => [scale.low, middle(scale), scale.high].map((value) => {
-    const place = { className: k ? "right" : "left", style: `bottom: ${height(scale, value)}%` };
-    return element("i", place, label(value));
-  });
+  const beside = (scale, k) =>
+    [scale.low, middle(scale), scale.high].map((value) => {
+      const style = `bottom: ${height(scale, value)}%`;
+      return element("i", { className: k ? "right" : "left", style }, label(value));
+    });
   const under = ([part, text]) => element("i", { style: `left: ${100 * part}%` }, text);
   plot.replaceChildren(...contents, ...scales.flatMap(beside), ...below.map(under));
   plot.style.setProperty("--rule-top", `${100 - height(scales[0], middle(scales[0]))}%`);
+}
+
+// Return heights [px] near the wanted ones at which names do not overlap, in a plot so high.
+function spread(wanted, height) {
+  const order = wanted.map((_, k) => k).sort((a, b) => wanted[a] - wanted[b]);
+  const places = [];
+  let last = -LINE_HEIGHT / 2;
+  for (const k of order) {
+    places[k] = Math.max(wanted[k], last + LINE_HEIGHT);
+    last = places[k];
+  }
+  let next = height + LINE_HEIGHT / 2;
+  for (const k of order.reverse()) {
+    places[k] = Math.min(places[k], next - LINE_HEIGHT);
+    next = places[k];
+  }
+  return places;
 }
 
 export class Graphs {
   // `scrub` is called with a time since the hit began [R/c], wherever a pointer drags.
   constructor(canvases, scrub) {
     this.canvases = canvases;
+    this.end = TIME_STEP; // of the axis of time [R/c]
     for (const canvas of canvases) {
       canvas.onpointerdown = canvas.onpointermove = ({ buttons, pointerId, offsetX }) => {
         if (!(buttons & 1) || !this.data) return;
         canvas.setPointerCapture(pointerId);
-        scrub(Math.min(Math.max(offsetX / canvas.clientWidth, 0), 1) * this.end);
+        const part = offsetX / (canvas.clientWidth - NAMES);
+        scrub(Math.min(Math.max(part, 0), 1) * this.end);
       };
     }
   }
 
+  // `curves`: graph, name, and colours on a light and on a dark ground.
   replace(data, curves) {
     this.data = data;
-    this.curves = curves.map(([graph, , colour], k) => ({ graph, colour, values: data.values[k] }));
+    this.curves = curves.map(([graph, name, light, dark], k) => {
+      const words = graph === "motion" ? data.motion[0].split(" ")[0] : name;
+      return { graph, name: words, light, dark, values: data.values[k] };
+    });
+    const last = this.curves.map(({ name, values }) => `${name} ${label(values.at(-1))}`);
+    const time = `at t = ${label(data.t.at(-1))} R/c`;
+    this.canvases[0].ariaLabel = `energies over time; ${time}: ${last.slice(0, 5).join(", ")}`;
+    this.canvases[1].ariaLabel = `force and motion; ${time}: ${last.slice(5).join(", ")}`;
   }
 
   add({ t, graph }) {
@@ -48,52 +84,79 @@ export class Graphs {
     this.curves.forEach(({ values }, k) => values.push(graph[k]));
   }
 
-  // `fullForce`: a force that the scene will reach [Mc²/R]. In these units its number is smaller than the speed of a
-  // throw, and similar to a compression. So no scale but that of the energies ends below it: rounding errors at the
-  // start stay invisible.
-  draw({ t, fullForce }, accent) {
-    const { data, curves, canvases } = this;
-    if (!data || !canvases[0].clientWidth) return;
-    const end = (this.end = roundAbove(Math.max(1.1 * data.t.at(-1), 1)));
-    canvases.forEach((canvas, k) => {
-      const { clientWidth: width, clientHeight: height } = canvas, ctx = canvas.getContext("2d");
-      Object.assign(canvas, { width: width * devicePixelRatio, height: height * devicePixelRatio });
-      ctx.scale(devicePixelRatio, devicePixelRatio);
-      const graphs = GRAPHS[k].map((graph) => {
-        const shown = curves.filter((one) => one.graph === graph), values = shown.flatMap((one) => one.values);
-        const first = graph === "energy" ? 0 : fullForce;
-        const high = roundAbove(1.05 * values.reduce((most, value) => Math.max(most, Math.abs(value)), first) || 1);
-        return { shown, high, least: values.reduce((least, value) => Math.min(least, value / high), 0) };
-      });
-      const least = Math.min(...graphs.map((one) => one.least)); // some energies of a spinning disk are below 0
-      const depth = [0, 0.2, 1].find((part) => least > -part - 0.005);
-      const scales = graphs.map(({ shown, high }) => {
-        const low = -depth * high;
-        const place = (value, n) => [(data.t[n] / end) * width, ((high - value) / (high - low)) * height];
-        for (const { colour, values } of shown) line(ctx, values.map(place), colour, 1.8);
-        return { low, high };
-      });
-      line(ctx, [0, height].map((y) => [Math.min(t / end, 1) * width, y]), accent, 2);
-      const key = JSON.stringify([end, scales]), times = [[0, "0"], [0.5, `${label(end / 2)} R/c`], [1, label(end)]];
-      if (key !== canvas.key) frame(canvas.parentNode, [canvas], times, ...scales);
-      canvas.key = key;
+  draw(state, theme, name) {
+    if (!this.data || !this.canvases[0].clientWidth) return;
+    this.end = TIME_STEP * Math.max(Math.ceil((1.02 * this.data.t.at(-1)) / TIME_STEP), 1);
+    this.canvases.forEach((canvas, k) => {
+      const shown = GRAPHS[k].map((graph) => this.scaled(graph, state.fullForce));
+      this.drawGraph(canvas, shown, { t: state.t, theme, name });
     });
   }
-}
 
-// Results over the speed or load, on a logarithmic axis; those that the user disturbed are hollow.
-export function showDiagram(plot, results) {
-  if (!results.length) return plot.replaceChildren();
-  const loads = results.map(({ load }) => load), values = results.map(({ value }) => value);
-  const first = Math.min(...loads, 5e-3) / 1.2, last = Math.max(...loads, 5e-2) * 1.2;
-  const part = (load) => Math.log(load / first) / Math.log(last / first), isRatio = results[0].result === "e";
-  const low = isRatio ? Math.max(Math.floor(10 * Math.min(...values) - 0.2) / 10, 0) : 0;
-  const high = isRatio ? Math.max(1, ...values) : roundAbove(Math.max(...values));
-  const decades = [1e-4, 1e-3, 1e-2, 0.1].filter((load) => first < load && load < last);
-  const dots = results.map(({ result, load, value, disturbance }) => {
-    const style = `left: ${100 * part(load)}%; bottom: ${(100 * (value - low)) / (high - low)}%`;
-    const title = `${result} = ${label(value)} at ${label(load)}`;
-    return element("b", { style, title, className: disturbance && "hollow" });
-  });
-  frame(plot, dots, decades.map((load) => [part(load), label(load)]), { low, high });
+  // Return the curves of a graph with the ends of their scale. `fullForce`: a force that the scene
+  // will reach [Mc²/R]. In these units its number is smaller than the speed of a throw, and similar
+  // to a compression. So no scale but that of the energies ends below it: rounding errors at the
+  // start stay invisible.
+  scaled(graph, fullForce) {
+    const curves = this.curves.filter((one) => one.graph === graph);
+    const values = curves.flatMap((one) => one.values);
+    const first = graph === "energy" ? 0 : fullForce;
+    const size = values.reduce((most, value) => Math.max(most, Math.abs(value)), first);
+    const high = roundAbove(1.05 * size || 1);
+    const least = values.reduce((low, value) => Math.min(low, value / high), 0);
+    const depth = [0, 0.2, 1].find((part) => least > -part - 0.005); // spin makes energies negative
+    return { curves, low: -depth * high, high };
+  }
+
+  drawGraph(canvas, shown, { t, theme, name }) {
+    const { clientWidth: width, clientHeight: height } = canvas;
+    const { data, end } = this;
+    const ctx = canvas.getContext("2d");
+    const across = width - NAMES;
+    const toX = (time) => Math.min(time / end, 1) * across;
+    canvas.width = width * devicePixelRatio;
+    canvas.height = height * devicePixelRatio;
+    ctx.scale(devicePixelRatio, devicePixelRatio);
+    const names = [];
+    for (const { curves, low, high } of shown) {
+      const toY = (value) => ((high - value) / (high - low)) * height;
+      for (const { name: text, values, ...colours } of curves) {
+        const points = values.map((value, n) => [toX(data.t[n]), toY(value)]);
+        line(ctx, points, colours[name], 1.8);
+        const isFlat = values.every((value) => Math.abs(value) < 0.004 * high);
+        if (!isFlat) names.push({ text, colour: colours[name], y: toY(values.at(-1)) });
+      }
+    }
+    line(
+      ctx,
+      [0, height].map((y) => [toX(t), y]),
+      theme.accent,
+      2,
+    );
+    const places = spread(
+      names.map(({ y }) => y),
+      height,
+    );
+    const x = toX(data.t.at(-1)) + 6;
+    Object.assign(ctx, {
+      font: "12px system-ui, sans-serif",
+      textBaseline: "middle",
+      lineWidth: 3,
+    });
+    names.forEach(({ text, colour }, k) => {
+      Object.assign(ctx, { fillStyle: colour, strokeStyle: theme.ground });
+      ctx.strokeText(text, x, places[k]);
+      ctx.fillText(text, x, places[k]);
+    });
+    const part = across / width;
+    const times = [
+      [0, "0"],
+      [0.5 * part, `${label(end / 2)} R/c`],
+      [part, label(end)],
+    ];
+    const scales = shown.map(({ low, high }) => ({ low, high }));
+    const key = JSON.stringify([times, scales]);
+    if (key !== canvas.key) frame(canvas.parentNode, [canvas], times, ...scales);
+    canvas.key = key;
+  }
 }

@@ -13,11 +13,16 @@ export function elements(root) {
 
 // Return the states of the check boxes in `root` by their ids.
 export function checked(root) {
-  return Object.fromEntries([...root.querySelectorAll("input")].map((one) => [one.id, one.checked]));
+  return Object.fromEntries(
+    [...root.querySelectorAll("input")].map((one) => [one.id, one.checked]),
+  );
 }
 
 export function download(content, name, type) {
-  const link = element("a", { download: name, href: URL.createObjectURL(new Blob([content], { type })) });
+  const link = element("a", {
+    download: name,
+    href: URL.createObjectURL(new Blob([content], { type })),
+  });
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 1e4);
 }

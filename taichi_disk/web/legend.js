@@ -9,7 +9,9 @@ const RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 export function label(value, signed = false) {
   const small = value && Math.abs(value) < 1e-3;
   const [digits, power] = (small ? value.toExponential(3) : value.toPrecision(4)).split("e");
-  const raised = String(Number(power)).replace(/\d/g, (digit) => RAISED[digit]).replace("-", "⁻");
+  const raised = String(Number(power))
+    .replace(/\d/g, (digit) => RAISED[digit])
+    .replace("-", "⁻");
   const text = String(Number(digits)).replace("-", "−") + (power ? `·10${raised}` : "");
   return signed && value > 0 ? `+${text}` : text;
 }
@@ -35,57 +37,139 @@ export function line(ctx, points, colour, thickness, dash = []) {
 
 // Draw an arrow between two points [px], with a rim that sets it off against the disk.
 export function arrow(ctx, [x0, y0], [x1, y1], thickness, colour, rim) {
-  const length = Math.hypot(x1 - x0, y1 - y0), wing = Math.min(4 * thickness, 0.4 * length) / length;
+  const length = Math.hypot(x1 - x0, y1 - y0),
+    wing = Math.min(4 * thickness, 0.4 * length) / length;
   if (length < 2 * thickness + 4) return;
-  const end = (side) => [x1 - wing * (x1 - x0 + side * (y1 - y0)), y1 - wing * (y1 - y0 - side * (x1 - x0))];
-  for (const [ink, wide] of [[rim, thickness + 2], [colour, thickness]]) {
-    line(ctx, [[x0, y0], [x1, y1]], ink, wide);
+  const end = (side) => [
+    x1 - wing * (x1 - x0 + side * (y1 - y0)),
+    y1 - wing * (y1 - y0 - side * (x1 - x0)),
+  ];
+  for (const [ink, wide] of [
+    [rim, thickness + 2],
+    [colour, thickness],
+  ]) {
+    line(
+      ctx,
+      [
+        [x0, y0],
+        [x1, y1],
+      ],
+      ink,
+      wide,
+    );
     line(ctx, [end(0.6), [x1, y1], end(-0.6)], ink, wide);
     ctx.fillStyle = ink;
     ctx.fill();
   }
 }
 
-const isNarrow = (width) => width < 720;
-export const footer = (width) => (isNarrow(width) ? 94 : 66); // height [px]
-
-// `scale`: pixels per R; `force`: force of an arrow of the length ARROW, 0 for none [Mc²/R]; `colours`: 256 x 3 bytes.
-export function drawLegend(ctx, { width, height, theme, quantity, limit, colours, scale, force }) {
-  const left = 16, right = width - 16, longest = Math.min(width, 700);
-  const names = height - 10, numbers = names - 18, bar = numbers - 24, row = isNarrow(width) ? bar - 28 : bar + 5;
-  Object.assign(ctx, { font: FONT, fillStyle: theme.ground });
-  ctx.fillRect(0, height - footer(width), width, footer(width));
-  const write = (text, x, y, textAlign = "center") => {
-    Object.assign(ctx, { textAlign, fillStyle: theme.faint });
-    ctx.fillText(text, x, y);
+// Return where things stand below the disk, for a picture of this size [px]: the height of all; above
+// the lower edge the colour scale, its numbers, its name, and the row of length and force; and the
+// width beside the colour scale.
+function layout(width, height) {
+  const keys = { hasKeys: true };
+  if (width >= 720)
+    return { height: 66, bar: 52, numbers: 28, name: 10, row: 47, beside: 340, ...keys };
+  const isLow = height < 330 || (height < 400 && width > 460);
+  if (!isLow) return { height: 94, bar: 52, numbers: 28, name: 10, row: 80, beside: 64, ...keys };
+  const hasKeys = width > 460;
+  return {
+    height: 62,
+    bar: 56,
+    numbers: 32,
+    name: 10,
+    row: 51,
+    beside: hasKeys ? 340 : 64,
+    hasKeys,
   };
+}
 
-  const length = roundBelow((0.2 * longest) / scale), start = right - length * scale;
-  line(ctx, [[start, row], [right, row]], theme.ink, 1.6);
-  for (const end of [start, right]) line(ctx, [[end, row - 4], [end, row + 4]], theme.ink, 1.6);
-  write(length === 1 ? "R" : `${label(length)} R`, start - 8, row + 4, "right");
-  if (force) {
-    const pixels = (ARROW * scale) / force, shown = roundBelow((0.1 * longest) / pixels), tip = left + shown * pixels;
-    arrow(ctx, [left, row], [tip, row], 1.6, theme.ink, theme.ground);
-    write(`wall: ${label(shown)} Mc²/R`, tip + 8, row + 4, "left");
-  }
+export const footer = (width, height) => layout(width, height).height;
 
-  const fringes = quantity.name === "fringes", { signed } = quantity;
-  const wide = Math.round(Math.min(300, width - 64)), from = Math.round((width - wide) / 2);
+// `scale`: pixels per R; `force`: force of an arrow of the length ARROW, 0 for none [Mc²/R];
+// `colours`: 256 x 3 bytes.
+export function drawLegend(ctx, picture) {
+  const { width, height, theme } = picture;
+  const places = layout(width, height);
+  Object.assign(ctx, { font: FONT, fillStyle: theme.ground });
+  ctx.fillRect(0, height - places.height, width, places.height);
+  if (places.hasKeys) drawKeys(ctx, picture, height - places.row);
+  drawColours(ctx, picture, places);
+}
+
+function write(ctx, text, x, y, { textAlign = "center", theme }) {
+  Object.assign(ctx, { textAlign, fillStyle: theme.faint });
+  ctx.fillText(text, x, y);
+}
+
+// Draw a length, and the arrow of a force.
+function drawKeys(ctx, { width, theme, scale, force }, row) {
+  const longest = Math.min(width, 700);
+  const right = width - 16;
+  const length = roundBelow((0.2 * longest) / scale);
+  const start = right - length * scale;
+  const rule = (x, y, endX, endY) =>
+    line(
+      ctx,
+      [
+        [x, y],
+        [endX, endY],
+      ],
+      theme.ink,
+      1.6,
+    );
+  rule(start, row, right, row);
+  for (const end of [start, right]) rule(end, row - 4, end, row + 4);
+  const text = length === 1 ? "R" : `${label(length)} R`;
+  write(ctx, text, start - 8, row + 4, { textAlign: "right", theme });
+  if (!force) return;
+  const left = 16;
+  const pixels = (ARROW * scale) / force;
+  const shown = roundBelow((0.1 * longest) / pixels);
+  const tip = left + shown * pixels;
+  arrow(ctx, [left, row], [tip, row], 1.6, theme.ink, theme.ground);
+  write(ctx, `wall: ${label(shown)} Mc²/R`, tip + 8, row + 4, { textAlign: "left", theme });
+}
+
+// Draw the scale of colours with its numbers and its name.
+function drawColours(ctx, { width, height, theme, quantity, limit, colours }, places) {
+  const isFringes = quantity.name === "fringes";
+  const wide = Math.round(Math.min(300, width - places.beside));
+  const left = Math.round((width - wide) / 2);
+  const bar = height - places.bar;
   for (let k = 0; k < wide; k++) {
-    const part = (k + 0.5) / wide, level = fringes ? Math.sin(Math.PI * FRINGES * part) ** 2 : part;
-    ctx.fillStyle = `rgb(${colours.subarray(3 * Math.round(255 * level)).subarray(0, 3)})`;
-    ctx.fillRect(from + k, bar, 1.5, 10);
+    const part = (k + 0.5) / wide;
+    const level = isFringes ? Math.sin(Math.PI * FRINGES * part) ** 2 : part;
+    const at = 3 * Math.round(255 * level);
+    ctx.fillStyle = `rgb(${colours.subarray(at, at + 3)})`;
+    ctx.fillRect(left + k, bar, 1.5, 10);
   }
-  const percent = quantity.name === "strain" ? 100 : 1, count = fringes ? FRINGES : 2; // ticks on either side of 0
-  for (let k = signed ? -count : 0; k <= count; k++) {
-    const part = k / count, x = from + wide * (signed ? (1 + part) / 2 : part);
-    line(ctx, [[x, bar + 10], [x, bar + 14]], theme.faint, 1);
-    const bound = part === 1 ? "≥ " : part === -1 ? "≤ " : "";
-    if (!fringes) write(bound + label(percent * part * limit, signed) + (percent > 1 ? " %" : ""), x, numbers);
+  const percent = quantity.name === "strain" ? 100 : 1;
+  const count = isFringes ? FRINGES : 2; // ticks on either side of 0
+  for (let k = quantity.signed ? -count : 0; k <= count; k++) {
+    const part = k / count;
+    const x = left + wide * (quantity.signed ? (1 + part) / 2 : part);
+    line(
+      ctx,
+      [
+        [x, bar + 10],
+        [x, bar + 14],
+      ],
+      theme.faint,
+      1,
+    );
+    const bounds = { [-1]: "≤ ", 1: "≥ " };
+    const number = label(percent * part * limit, quantity.signed);
+    const text = (bounds[part] ?? "") + number + (percent > 1 ? " %" : "");
+    if (!isFringes) write(ctx, text, x, height - places.numbers, { theme });
   }
-  const unit = quantity.unit ? `  [${quantity.unit}]` : "";
-  const name = fringes ? `fringes of the shear stress, one for ${label(limit)} Mc²/R²` : quantity.label + unit;
+  const name = nameOf(quantity, limit);
   const whole = `◂ ${quantity.low}    ${name}    ${quantity.high} ▸`;
-  write(quantity.low && ctx.measureText(whole).width < width - 32 ? whole : name, width / 2, names);
+  const fits = quantity.low && ctx.measureText(whole).width < width - 32;
+  write(ctx, fits ? whole : name, width / 2, height - places.name, { theme });
+}
+
+function nameOf({ name, label: text, unit }, limit) {
+  if (name === "fringes") return `fringes of the shear stress, one for ${label(limit)} Mc²/R²`;
+  return unit ? `${text}  [${unit}]` : text;
 }

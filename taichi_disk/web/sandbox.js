@@ -1,22 +1,59 @@
 // The sandbox's page: shows what the program sends, and sends what the user does. It computes no physics.
 
-import { Controls, asText, showResults, showScenes } from "./controls.js";
+import { Controls } from "./controls.js";
 import { Drawing } from "./draw.js";
 import { followPointers, grip } from "./gestures.js";
-import { Graphs, legend, showDiagram } from "./graphs.js";
+import { Graphs, legend } from "./graphs.js";
 import { checked, download, element, elements } from "./html.js";
 import { unpacked } from "./message.js";
+import { asText, showDiagram, showResults } from "./results.js";
+import { showScenes } from "./scenes.js";
 
-const KEYS = { " ": "space", ArrowLeft: "Left", ArrowRight: "Right", ArrowUp: "Up", ArrowDown: "Down" };
-const OWN_KEYS = [ // keys that a control with the focus uses itself
-  ["input[type=text], select", /./], ["input[type=range]", /^[A-Z]/], ["button, input", /^(space|Enter)$/],
+const KEYS = {
+  " ": "space",
+  ArrowLeft: "Left",
+  ArrowRight: "Right",
+  ArrowUp: "Up",
+  ArrowDown: "Down",
+};
+const OWN_KEYS = [
+  // keys that a control with the focus uses itself
+  ["input[type=text], select", /./],
+  ["input[type=range]", /^[A-Z]/],
+  ["button, input", /^(space|Enter)$/],
 ];
 const NEWEST = 9e6; // above the number of every state: acknowledges all of them
+const MESSAGE_TIME = 6000; // for which a message is shown [ms]
+const IDLE_TIME = 3000; // after which the projector's controls fade [ms]
+const DARK = matchMedia("(prefers-color-scheme: dark)");
+
+// Return the program's name of a key. Letters count by their place on the keyboard if the layout has
+// others, such as Cyrillic or Greek.
+function keyName(event) {
+  if (KEYS[event.key]) return KEYS[event.key];
+  const isLatin = /^[ -~]*$/.test(event.key);
+  const name = isLatin ? event.key : event.code.replace(/^Key/, "");
+  return name.length === 1 ? name.toLowerCase() : name;
+}
+
+// Return a line of the read-out; a line that begins with * is the result.
+function captionLine(text) {
+  return text[0] === "*" ? element("b", {}, text.slice(1)) : element("span", {}, text);
+}
 
 export class Sandbox {
   // `node` holds the elements of index.html; `send` takes a command for the program.
   constructor(node, send) {
-    Object.assign(this, { node, plays: true, hello: null, panel: null, state: null, recorder: null, target: null });
+    Object.assign(this, {
+      node,
+      plays: true,
+      hasChosen: false, // a theme
+      hello: null,
+      panel: null,
+      state: null,
+      recorder: null,
+      target: null,
+    });
     const ui = (this.ui = elements(node));
     this.send = (message) => {
       if (this.plays || message.do === "seen") send(message);
@@ -26,16 +63,31 @@ export class Sandbox {
     this.graphs = new Graphs([ui.energy, ui.motion], (t) => this.send({ do: "scrub", t }));
     const places = { speed: ui.speed, "video.magnify": ui.magnify };
     const place = (key) => places[key] ?? (key.startsWith("video.") ? ui.looks : ui.numbers);
-    const set = (key, value) => this.send(key === "speed" ? { do: "speed", value } : { do: "set", key, value });
-    this.controls = new Controls(place, set);
-    followPointers(ui.disk, this.drawing, () => this.redraw(), (...at) => grip(this, ...at));
-    node.onclick = ({ target }) => this.state && this.click(target.closest("button, [type=checkbox]"));
+    this.controls = new Controls(place, (key, value) => this.set(key, value));
+    followPointers(
+      ui.disk,
+      this.drawing,
+      () => this.redraw(),
+      (...at) => grip(this, ...at),
+    );
+    node.onclick = ({ target }) =>
+      this.state && this.click(target.closest("button, [type=checkbox]"));
     node.getRootNode().addEventListener("keydown", (event) => this.state && this.key(event));
     const own = [...node.querySelectorAll("[aria-keyshortcuts]")];
-    this.shortcuts = own.map((one) => [one.getAttribute("aria-keyshortcuts"), one.title || one.textContent]);
+    this.shortcuts = own.map((one) => [
+      one.getAttribute("aria-keyshortcuts"),
+      one.title || one.textContent,
+    ]);
     own.forEach((one, k) => (one.title = `${this.shortcuts[k][1]} (${this.shortcuts[k][0]})`));
     this.showTab(node.clientWidth > 900 ? "graphs" : "experiment"); // on a narrow page one panel is seen at a time
     new ResizeObserver(() => this.redraw()).observe(node);
+    ui.eq5.onchange = () => this.showResults();
+    ui.timeline.oninput = () => this.send({ do: "scrub", t: Number(ui.timeline.value) });
+    node.onpointermove = () => this.wake();
+    DARK.onchange = () => this.followSystem();
+    document.addEventListener("fullscreenchange", () => {
+      if (!document.fullscreenElement) this.project(false);
+    });
     // A state may be lost on its way: after 2 s without one, acknowledge all, so that the program sends again.
     setInterval(() => performance.now() - this.arrived > 2000 && this.redraw(NEWEST), 2000);
   }
@@ -53,17 +105,19 @@ export class Sandbox {
       film: () => this.film(),
       yaml: () => download(this.scene, "scene.yaml", "text/yaml"),
       csv: () => download(asText(ui.table, ","), "results.csv", "text/csv"),
-      copy: () => navigator.clipboard?.writeText(asText(ui.table, "\t")),
+      copy: () => this.copy(asText(ui.table, "\t")),
+      projector: () => this.project(!node.hasAttribute("data-projector")),
       fold: () => (ui.fold.ariaExpanded = !node.toggleAttribute("data-folded")),
     };
   }
 
   click(one) {
     if (!one) return;
-    const { press, command, tab, play } = one.dataset;
+    const { press, command, tab, play, remove } = one.dataset;
     if (press) this.send({ do: "press", key: press });
     if (command) this.send({ do: command });
     if (tab) this.showTab(tab);
+    if (remove) this.send({ do: "remove", number: Number(remove) });
     if (play) {
       this.ui.list.togglePopover(false);
       this.send({ do: "play", number: Number(play) });
@@ -73,29 +127,80 @@ export class Sandbox {
   }
 
   key(event) {
-    const { target } = event, key = KEYS[event.key] ?? event.key;
-    if (event.ctrlKey || event.altKey || event.metaKey || this.node.querySelector(":popover-open")) return;
+    const { target } = event;
+    const key = keyName(event);
+    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    if (this.node.querySelector(":popover-open")) return;
     if (OWN_KEYS.some(([controls, keys]) => target.matches(controls) && keys.test(key))) return;
     if (event.repeat && !this.hello.repeating.includes(key)) return;
+    if (key === "Escape") this.project(false);
+    if (key === "t") this.hasChosen = true;
     const button = this.node.querySelector(`[aria-keyshortcuts="${CSS.escape(key)}"]`);
     if (button) button.click();
-    else if (this.hello.keys.some(([keys]) => keys.split(" ").includes(key))) this.send({ do: "press", key });
+    else if (this.hello.keys.some(([keys]) => keys.split(" ").includes(key)))
+      this.send({ do: "press", key });
     else return;
     event.preventDefault();
+  }
+
+  set(key, value) {
+    if (key === "video.theme") this.hasChosen = true;
+    this.send(key === "speed" ? { do: "speed", value } : { do: "set", key, value });
+  }
+
+  // Take the system's light or dark theme until the visitor has chosen one.
+  followSystem() {
+    const theme = DARK.matches ? "dark" : "light";
+    if (!this.hasChosen) this.send({ do: "set", key: "video.theme", value: theme });
+  }
+
+  // Copy a text; a page that came by plain http has no clipboard, but can copy a selection.
+  copy(text) {
+    if (navigator.clipboard) return navigator.clipboard.writeText(text);
+    const field = element("textarea", { value: text });
+    this.node.append(field);
+    field.select();
+    document.execCommand("copy");
+    field.remove();
+  }
+
+  // Show only the picture, with large letters and controls that fade.
+  project(isOn) {
+    const { node, drawing } = this;
+    if (isOn === node.hasAttribute("data-projector")) return;
+    node.toggleAttribute("data-projector", isOn);
+    this.ui.projector.ariaPressed = isOn;
+    drawing.set({ letters: isOn ? 2 : 1 });
+    drawing.camera.home = true; // it fits again as soon as its size has changed
+    if (isOn)
+      node.requestFullscreen?.().catch(() => {}); // a frame may forbid it
+    else if (document.fullscreenElement) document.exitFullscreen();
+    this.wake();
+    this.redraw();
+  }
+
+  // Show the projector's controls for a while.
+  wake() {
+    this.node.removeAttribute("data-idle");
+    clearTimeout(this.idle);
+    this.idle = setTimeout(() => this.node.setAttribute("data-idle", ""), IDLE_TIME);
   }
 
   showTab(name) {
     this.node.dataset.tab = name;
     this.node.removeAttribute("data-folded");
     this.ui.fold.ariaExpanded = true;
-    for (const tab of this.node.querySelectorAll("button[data-tab]")) tab.ariaPressed = tab.dataset.tab === name;
+    for (const tab of this.node.querySelectorAll("button[data-tab]"))
+      tab.ariaPressed = tab.dataset.tab === name;
     this.redraw();
   }
 
   // Begin to record what the canvas shows, or save what was recorded.
   film() {
     if (this.recorder) return this.recorder.stop();
-    const { disk, film } = this.ui, recorder = (this.recorder = new MediaRecorder(disk.captureStream(30)));
+    const { disk, film } = this.ui;
+    const recorder = new MediaRecorder(disk.captureStream(30));
+    this.recorder = recorder;
     recorder.ondataavailable = ({ data }) => {
       download(data, /mp4/.test(data.type) ? "disk.mp4" : "disk.webm", data.type);
       Object.assign(film, { textContent: "Film", ariaPressed: false });
@@ -107,13 +212,14 @@ export class Sandbox {
 
   // ---- what the program sends
 
-  lost() {
-    this.ui.role.textContent = "The program does not answer; waiting for it …";
+  lost(text = "The program does not answer; waiting for it …") {
+    this.ui.role.textContent = text;
   }
 
   receive(data) {
     if (typeof data !== "string") return this.showState(data);
-    const message = JSON.parse(data), { kind } = message;
+    const message = JSON.parse(data);
+    const { kind } = message;
     if (kind === "hello") this.showKeys((this.hello = message));
     else if (kind === "role") this.showRole(message);
     else if (kind === "scene") this.showScene(message);
@@ -134,7 +240,6 @@ export class Sandbox {
 
   showScene(message) {
     this.drawing.setScene(message);
-    this.ui.curve.textContent = message.labels.curve;
     for (const id of ["hit", "slow", "arrow"]) this.ui[id].disabled = message.unused.includes(id);
   }
 
@@ -142,68 +247,153 @@ export class Sandbox {
     this.state = unpacked(buffer, this.hello.columns, this.hello.curves.length);
     this.arrived = performance.now();
     this.graphs.add(this.state);
-    this.ui.caption.replaceChildren(...this.state.caption.split("\n").map((text) => element("span", {}, text)));
+    this.ui.caption.replaceChildren(...this.state.caption.split("\n").map(captionLine));
     this.waiting = clearTimeout(this.waiting);
     this.ui.busy.hidden = true;
     this.redraw(this.state.number);
   }
 
-  // Draw once before the next picture of the screen; only then tell the program that a state was seen.
+  // Draw once before the next picture of the screen; only then tell the program that a state was
+  // seen, also if drawing failed: the program waits for that.
   redraw(number) {
     this.unseen = number ?? this.unseen;
     this.frame ??= requestAnimationFrame(() => {
       this.frame = null;
-      if (this.state && this.panel) this.draw();
-      if (this.unseen) this.send({ do: "seen", number: this.unseen });
-      this.unseen = 0;
+      try {
+        if (this.state && this.panel) this.draw();
+      } catch (error) {
+        this.fail(error);
+      } finally {
+        if (this.unseen) this.send({ do: "seen", number: this.unseen });
+        this.unseen = 0;
+      }
     });
   }
 
+  // Say once that the picture could not be drawn; the rest of the page still works.
+  fail(error) {
+    if (!this.ui.fault.hidden) return;
+    this.ui.fault.textContent = `The picture cannot be drawn: ${error.message}`;
+    this.ui.fault.hidden = false;
+    console.warn(error);
+  }
+
   draw() {
-    const { drawing, state, panel, ui, target } = this, { com_vx, com_vy } = state.row;
-    const [v, angle] = panel.aimed ?? [], velocity = v ? [v * Math.sin(angle), -v * Math.cos(angle)] : [com_vx, com_vy];
-    const isShown = v || (ui.arrow.checked && !ui.arrow.disabled);
-    drawing.set({ ...checked(ui.options), arrow: isShown && velocity });
+    const { drawing, state, panel, ui } = this;
+    drawing.set({ ...checked(ui.options), arrow: this.shownVelocity() });
     drawing.draw(state);
-    const theme = drawing.scene.themes[drawing.options.theme], held = 2 * state.pulled;
-    if (held >= 0 && target) drawing.drawArrow([state.x[held], state.x[held + 1]], target, theme.accent, theme);
-    this.graphs.draw(state, theme.accent);
+    const { theme: name } = drawing.options;
+    const theme = drawing.scene.themes[name];
+    const pulled = 2 * state.pulled;
+    if (pulled >= 0 && this.target) {
+      const point = [state.x[pulled], state.x[pulled + 1]];
+      drawing.drawArrow(point, this.target, theme.accent, theme);
+    }
+    this.graphs.draw(state, theme, name);
+    if (panel.again < 1) return;
+    ui.timeline.max = Math.max(this.graphs.data?.t.at(-1) ?? 1, 1e-3);
+    ui.timeline.value = state.t;
+  }
+
+  // Return the velocity whose arrow is drawn: that of the throw, while it is aimed, or the disk's.
+  shownVelocity() {
+    const { panel, state, ui } = this;
+    if (panel.aimed) {
+      const [speed, angle] = panel.aimed;
+      return [speed * Math.sin(angle), -speed * Math.cos(angle)];
+    }
+    const isShown = ui.arrow.checked && !ui.arrow.disabled;
+    return isShown ? [state.row.com_vx, state.row.com_vy] : null;
   }
 
   showGraphs(message) {
-    const { curves } = this.hello, [motion, unit] = message.motion, [, force, colour] = curves[5];
+    const { curves } = this.hello;
+    const [motion, unit] = message.motion;
     this.graphs.replace(message, curves);
-    legend(this.ui.energies, [["energies [Mc²]"], ...curves.slice(0, 5).map(([, name, own]) => [name, own])]);
-    legend(this.ui.motions, [[`${force} [Mc²/R], left`, colour], [`${motion} [${unit}], right`, curves[6][2]]]);
+    legend(this.ui.energies, [["energies [Mc²]"]]);
+    legend(this.ui.motions, [
+      ["force of the wall [Mc²/R], left", curves[5]],
+      [`${motion} [${unit}], right`, curves[6]],
+    ]);
   }
 
   showPanel(panel) {
-    const { ui, node, drawing } = this, { labels } = drawing.scene, { aimed, results } = (this.panel = panel);
+    const { ui, node, drawing } = this;
+    const isFirst = !this.panel;
+    this.panel = panel;
     const specs = [...panel.sliders, ...panel.choices];
     const value = (name) => specs.find(({ key }) => key === `video.${name}`).value;
     this.controls.show(specs);
-    drawing.set({ theme: value("theme"), draw: value("draw"), quantity: value("colour"), magnify: value("magnify") });
+    drawing.set({
+      theme: value("theme"),
+      draw: value("draw"),
+      quantity: value("colour"),
+      magnify: value("magnify"),
+    });
     node.style.colorScheme = value("theme");
-    const throwing = aimed && `v = ${aimed[0]} c, angle ${((aimed[1] * 180) / Math.PI).toFixed(1)}° = ${aimed[1]} rad`;
+    this.showTexts(panel);
+    this.showMessage(panel, isFirst);
+    ui.warnings.replaceChildren(...panel.warnings.map((text) => element("li", {}, text)));
+    ui.status.className = panel.status.startsWith("same") ? "" : "disturbed";
+    ui.slow.checked = panel.slow;
+    node.toggleAttribute("data-again", panel.again < 1);
+    ui.again.hidden = panel.again === 1;
+    ui.again.value = panel.again;
+    for (const id of ["copy", "csv", "clear"]) ui[id].disabled = !panel.results.length;
+    const results = JSON.stringify([panel.results, drawing.scene.labels.curve]);
+    if (results !== this.shownResults) this.showResults();
+    this.shownResults = results;
+    if (panel.number !== this.shownNumber) {
+      showScenes(ui.entries, this.hello.playlist, panel.number);
+      this.shownNumber = panel.number;
+    }
+    node.ariaBusy = false; // all that was empty until now is filled
+    if (isFirst && value("theme") === "light") this.followSystem();
+    this.redraw();
+  }
+
+  showTexts(panel) {
+    const { ui, drawing } = this;
+    const { labels } = drawing.scene;
+    const go = panel.atStart ? labels.drop : "Go on";
+    const count = panel.results.length;
     const texts = {
-      drop: panel.paused ? (panel.atStart ? labels.drop : "Go on") : "Pause",
+      drop: panel.paused ? go : "Pause",
       scenes: `${panel.name} ▾`,
       sentence: panel.sentence,
       lattice: `Another random lattice (now ${panel.seed})`,
       status: panel.status,
-      message: throwing || panel.message || panel.hint,
       collect: panel.collecting ? `Stop (${panel.collecting} left)` : labels.collect,
-      "tab-results": results.length ? `Results (${results.length})` : "Results",
+      "tab-results": count ? `Results (${count})` : "Results",
     };
     for (const [id, text] of Object.entries(texts)) ui[id].textContent = text;
-    ui.warnings.replaceChildren(...panel.warnings.map((text) => element("li", {}, text)));
-    ui.status.className = panel.status.startsWith("same") ? "" : "disturbed";
-    ui.slow.checked = panel.slow;
-    for (const id of ["copy", "csv", "clear"]) ui[id].disabled = !results.length;
-    showResults(ui.table, results);
-    showDiagram(ui.diagram, results);
-    showScenes(ui.entries, this.hello.playlist, panel.number);
-    node.ariaBusy = false; // all that was empty until now is filled
-    this.redraw();
+  }
+
+  // Show a new message in place of the sentence for a while. A message that was there before this
+  // page is old.
+  showMessage({ aimed, message, hint }, isFirst) {
+    const { ui, node } = this;
+    if (isFirst) this.oldMessage = message;
+    else if (message !== this.oldMessage) this.oldMessage = "";
+    const isNew = message !== this.oldMessage;
+    let text = isNew && message ? message : hint;
+    if (aimed) {
+      const [speed, angle] = aimed;
+      text = `v = ${speed} c, angle ${((angle * 180) / Math.PI).toFixed(1)}° = ${angle} rad`;
+    }
+    if (text === this.shownMessage) return;
+    this.shownMessage = text;
+    ui.message.textContent = text;
+    node.toggleAttribute("data-message", Boolean(text));
+    clearTimeout(this.messageTimer);
+    this.messageTimer = setTimeout(() => node.removeAttribute("data-message"), MESSAGE_TIME);
+  }
+
+  showResults() {
+    const { ui, panel, drawing } = this;
+    showResults(ui.table, panel.results);
+    const title = drawing.scene.labels.curve;
+    const options = { title, range: panel.loadRange, fitted: ui.eq5.checked };
+    showDiagram(ui.diagram, ui.curve, panel.results, options);
   }
 }

@@ -2,7 +2,8 @@
 
 export default {
   render({ model, el }) {
-    const shadow = el.attachShadow({ mode: "open" }), visitor = Math.random();
+    const shadow = el.attachShadow({ mode: "open" }),
+      visitor = Math.random();
     shadow.innerHTML = `<style>${STYLE} .frame { height: ${model.get("height")}px; container-type: size; }</style>
       <div class="frame">${PAGE}</div>`;
     const send = (message) => model.send({ visitor, ...message });

@@ -9,21 +9,31 @@ from collections.abc import Callable
 from time import perf_counter
 
 from taichi_disk.runtime import alone
+from taichi_disk.window.look import Look
 from taichi_disk.window.session import Session, read_command
 
 MAX_RATE = 60.0  # pictures per second
 _MAX_IN_FLIGHT = 2  # states that were sent to a page and not yet drawn
+_ANSWERS = ("hand", "keep")  # of the player to visitors who ask to play
 Message = str | bytes
 
 
 class Visitor:
     """One page. `send` sends it a text or a state, `unsent` returns how many bytes
-    still wait for the network."""
+    still wait for the network.
+
+    Attributes:
+        look: how the disk is drawn for this visitor, while somebody else plays.
+        asks: whether the visitor has asked to play.
+    """
 
     def __init__(
-        self, send: Callable[[Message], None], unsent: Callable[[], int]
+        self, send: Callable[[Message], None], unsent: Callable[[], int], look: Look
     ) -> None:
-        self._send, self._unsent = send, unsent
+        self.look = look
+        self.asks = False
+        self._send = send
+        self._unsent = unsent
         self._in_flight: list[int] = []  # numbers of states
         self._messages: dict[str, Message] = {}  # the last message of each kind
 
@@ -65,7 +75,9 @@ class Audience:
     """
 
     def __init__(self, session: Session, all_play: bool = False) -> None:
-        self.session, self.ignored, self._all_play = session, 0, all_play
+        self.session = session
+        self.ignored = 0
+        self._all_play = all_play
         self._visitors: list[Visitor] = []
         self._news = asyncio.Event()  # something may have to be sent
 
@@ -73,17 +85,21 @@ class Audience:
         self, send: Callable[[Message], None], unsent: Callable[[], int] = int
     ) -> Visitor:
         """Return a new `Visitor`, to whom `run` will send everything."""
-        self._visitors.append(visitor := Visitor(send, unsent))
+        visitor = Visitor(send, unsent, self.session.look)
+        self._visitors.append(visitor)
         self._news.set()
         return visitor
 
     def leave(self, visitor: Visitor) -> None:
-        """Send no more. After the player, the next visitor plays; after the last
-        visitor, the sandbox pauses."""
+        """Send no more. After the player, the first visitor who asked plays, or else
+        the next one; after the last visitor, the sandbox pauses."""
         played = self.plays(visitor)
         self._visitors.remove(visitor)
-        if played:
-            self.session.release(pause=not self._visitors)
+        if not self._visitors:
+            self.session.release()
+            self.session.pause()
+        elif played:
+            self._hand_to(self._first_asking() or self._visitors[0])
         self._news.set()
 
     def plays(self, visitor: Visitor) -> bool:
@@ -91,16 +107,46 @@ class Audience:
         return self._all_play or visitor is self._visitors[0]
 
     def hear(self, visitor: Visitor, text: Message) -> None:
-        """Carry out a page's message if its visitor plays; ignore and count malformed
-        messages."""
+        """Carry out a page's message, as far as its visitor may; ignore and count
+        malformed messages."""
         message = read_command(text)
         if message is None:
             self.ignored += 1
         elif message["do"] == "seen":
             visitor.acknowledge(message["number"])
-        elif self.plays(visitor):
+        elif not self.plays(visitor):
+            visitor.look = visitor.look.after(message)
+            visitor.asks |= message["do"] == "ask"
+        elif message["do"] in _ANSWERS:
+            self._answer(message["do"])
+        else:
             self.session.hear(message)
         self._news.set()
+
+    def _answer(self, answer: str) -> None:
+        """Let the first visitor who asked play, or tell all of them that they have to
+        wait."""
+        asking = self._first_asking()
+        if asking and answer == "hand":
+            self._visitors[0].look = self.session.look
+            self._hand_to(asking)
+        elif answer == "keep":
+            for one in self._visitors:
+                one.asks = False
+
+    def _first_asking(self) -> Visitor | None:
+        return next((one for one in self._visitors if one.asks), None)
+
+    def _hand_to(self, visitor: Visitor) -> None:
+        """Let `visitor` play from now on. The disk is let go of, and the visitor keeps
+        the look that it had."""
+        self._visitors.remove(visitor)
+        self._visitors.insert(0, visitor)
+        visitor.asks = False
+        self.session.release()
+        if not self._all_play:
+            for command in visitor.look.commands():
+                self.session.hear(command)
 
     async def run(self) -> None:
         """Send states as fast as pages draw them; the pages of visitors who play set
@@ -115,12 +161,18 @@ class Audience:
                     session.advance()
             is_sent = False
             for one in ready:
-                role = json.dumps({"kind": "role", "plays": self.plays(one)})
-                is_sent |= one.show(
-                    {**session.texts, "role": role, "state": session.state},
-                    session.number,
-                )
+                is_sent |= one.show(self._messages_for(one), session.number)
             if is_sent:
                 await asyncio.sleep(max(0.0, 1.0 / MAX_RATE - (perf_counter() - began)))
             else:
                 await self._news.wait()
+
+    def _messages_for(self, visitor: Visitor) -> dict[str, Message]:
+        """Return the present message of each kind, the state as the last one."""
+        plays = self.plays(visitor)
+        look = self.session.look if plays else visitor.look
+        asking = sum(one.asks for one in self._visitors)
+        role = {"kind": "role", "plays": plays, "asks": visitor.asks, "asking": asking}
+        messages = dict(self.session.messages(look))
+        state = messages.pop("state")
+        return {**messages, "role": json.dumps(role), "state": state}

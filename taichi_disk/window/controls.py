@@ -3,24 +3,26 @@ numbers, one of choices."""
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial, partialmethod
 from typing import Any, NamedTuple, get_args
 
 from taichi_disk.config.sections import Boundary, Colour, Dashpot, Draw, Theme
-from taichi_disk.errors import TaichiDiskError
+from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.scenes import Scene
 from taichi_disk.window.sandbox import Sandbox, load_key, value_of
 
 # by which keys change a value, and the number of points
 FACTORS, POINT_FACTORS = (1.12, 1 / 1.12), (1 / 1.5, 1.5)
 # keys that repeat while held
-REPEATING_KEYS = ("Left", "Right", "Up", "Down", "e", "d", "a", "z", "s", "f", "i", "u")
+REPEATING_KEYS = ("Left", "Right", "Up", "Down", "e", "d", "a", "z", "s", "m", "i", "u")
 # smallest value above 0 that keys set
 MIN_VISCOSITY = {"material.eta_star": 0.1, "material.viscosity": 1e-4}
 # largest number that can be typed; larger disks take minutes to build
 MAX_POINTS = 20_000
+MAX_VELOCITY = 1.0  # largest speed of a throw that can be typed [c]
 MIN_SPEED, MAX_SPEED = 0.01, 100.0  # [R/c per s]
 # experiments of a collected curve, and their largest load over the least
 CURVE_POINTS, CURVE_RATIO = 8, 30.0
@@ -80,7 +82,7 @@ RANGES = {
     "speed": Range(
         "speed of time",
         "R/c per s",
-        "s f",
+        "s m",
         0.05,
         5.0,
         "simulated time that one second shows",
@@ -103,13 +105,43 @@ CHOICES: dict[str, tuple[str, Any]] = {
 }
 
 
+# keys that change what each visitor chooses alone
+LOOK_KEYS = {"c": "video.colour", "o": "video.draw", "t": "video.theme"}
+
+
+def values_of(key: str) -> tuple[str, ...]:
+    """Return the values of a choice."""
+    return get_args(CHOICES[key][1])
+
+
+def next_value(key: str, value: str) -> str:
+    """Return the value of a choice after `value`, or the first one after the last."""
+    values = values_of(key)
+    return values[(values.index(value) + 1) % len(values)]
+
+
 class Entry(NamedTuple):
-    """A scene of the list: its name, one sentence about what to look for, and the
-    function that reads the scene."""
+    """A scene of the list: its name, one sentence about what to look for, the function
+    that reads the scene, its group, the speed of time with which it begins [R/c per s],
+    and whether its contacts pass in slow motion; None: as they were before."""
 
     name: str
     sentence: str
     load: Callable[[], Scene]
+    group: str = ""
+    speed: float | None = None
+    slow: bool | None = None
+
+
+def described(error: Exception) -> str:
+    """Return the message for the user; an error of the program itself is printed, too,
+    so that it can be reported."""
+    if isinstance(error, TaichiDiskError):
+        return str(error)
+    traceback.print_exception(type(error), error, error.__traceback__)
+    return (
+        f"this has failed by an error of the program, {type(error).__name__}: {error}"
+    )
 
 
 class Controls:
@@ -122,15 +154,18 @@ class Controls:
     """
 
     def __init__(self, sandbox: Sandbox, playlist: list[Entry]) -> None:
-        self.sandbox, self.playlist, self.number = sandbox, playlist, 0
+        self.sandbox = sandbox
+        self.playlist = playlist
+        self.number = 0
+        self._take_pace()
         self.actions: dict[str, Callable[[], None]] = {}
         self.reference: list[tuple[str, str]] = []
         scale = self._scale
-        self.add("space", "drop, pause, go on", sandbox.pause)
+        self.add("space", "throw, pause, go on", sandbox.pause)
         self.add("r", "back to the start", sandbox.begin)
         self.add("h", "hit again", sandbox.hit_again)
         self.add("Left Right", "back and forth in time", sandbox.step, -1, 1)
-        self.add("s f", "time slower, faster", partial(scale, "speed"), *FACTORS[::-1])
+        self.add("s m", "time slower, faster", partial(scale, "speed"), *FACTORS[::-1])
         self.add(
             "y",
             "slow motion in contact",
@@ -189,12 +224,13 @@ class Controls:
         """Do the action of a key; an unknown key does nothing."""
         self.attempt(self.actions.get(key, lambda: None))
 
-    def attempt(self, act: Callable[..., None], *values: Any) -> None:
-        """Call `act` with `values`; a TaichiDiskError becomes the sandbox's message."""
+    def attempt(self, act: Callable[..., Any], *values: Any) -> None:
+        """Call `act` with `values`; an error becomes the sandbox's message, so that the
+        other visitors go on."""
         try:
             act(*values)
-        except TaichiDiskError as error:
-            self.sandbox.message = str(error)
+        except Exception as error:
+            self.sandbox.message = described(error)
 
     # ---- values
 
@@ -238,15 +274,28 @@ class Controls:
         now = self.value(key)
         if key == "speed":
             self.sandbox.speed = float(f"{min(max(value, MIN_SPEED), MAX_SPEED):.3g}")
+        elif key == "lattice.points":
+            self._set_points(value)
         elif isinstance(now, (int, float)):
-            value = (
-                min(value, max(MAX_POINTS, now)) if key == "lattice.points" else value
-            )
+            if key == "impact.velocity" and value > MAX_VELOCITY:
+                raise InputError(
+                    f"v = {value:g} c is no speed of this model: its springs cross far"
+                    f" below c; type at most {MAX_VELOCITY:g}"
+                )
             self.sandbox.set(key, type(now)(float(f"{value:.6g}")))
         elif now is not None:
             self.sandbox.set(key, value)
 
     speed = partialmethod(set, "speed")
+
+    def _set_points(self, value: float) -> None:
+        most = max(MAX_POINTS, self.sandbox.scene.lattice.points)
+        self.sandbox.set("lattice.points", int(min(value, most)))
+        if value > most:
+            self.sandbox.message = (
+                f"N is {most}, not {value:.0f}: a larger disk would take minutes to"
+                " build; `taichi-disk run` takes it"
+            )
 
     def _scale(self, key: str, factor: float) -> None:
         """Multiply the value of `key` by `factor`, clipped to its slider range."""
@@ -258,9 +307,9 @@ class Controls:
 
     def _next(self, key: str) -> None:
         """Change a choice to the next of its values, if the scene has it."""
-        values, value = get_args(CHOICES[key][1]), self.value(key)
-        if value in values:
-            self.sandbox.set(key, values[(values.index(value) + 1) % len(values)])
+        value = self.value(key)
+        if value is not None:
+            self.sandbox.set(key, next_value(key, value))
 
     # ---- scenes
 
@@ -276,6 +325,15 @@ class Controls:
             )
         )
         self.number = number
+        self._take_pace()
+
+    def _take_pace(self) -> None:
+        """Let time pass as the scene of the list suggests."""
+        entry = self.playlist[self.number]
+        if entry.speed is not None:
+            self.sandbox.speed = entry.speed
+        if entry.slow is not None:
+            self.sandbox.slow = entry.slow
 
     def collect(self) -> None:
         """Collect a curve of results over the range of speeds or loads, or stop

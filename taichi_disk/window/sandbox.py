@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections import namedtuple
 from dataclasses import replace
-from math import ceil, inf
+from math import ceil, exp, inf
 from time import perf_counter
 from typing import Any
 
@@ -33,6 +33,8 @@ SLOWDOWN = 0.2  # fraction of the speed at which a contact passes in slow motion
 # smallest wall force in a contact, over M v per time unit of the springs (about its
 # peak)
 CONTACT_FORCE = 0.01
+# time of the clock in which slow motion begins or ends, about [s]
+PACE_TIME = 0.12
 MAX_RESULTS = 200  # most rows of the table of results
 # simulated time per second of the clock while a curve is collected [R/c per s]
 COLLECTING_PACE = 50.0
@@ -57,11 +59,17 @@ def with_key(scene: Scene, key: str, value: Any) -> Scene:
     return scene.with_(scene.changes_with(key, value))
 
 
+def printed(symbol: str, value: float) -> str:
+    """Return a result with the digits that another lattice leaves: e to the third
+    decimal, ξ to three digits."""
+    return f"{value:.3f}" if symbol == "e" else f"{value:.3g}"
+
+
 class Experiment(
     namedtuple(
         "Experiment",
         "result value load angle spin friction eta_star a points contact_time"
-        " disturbance turn seed",
+        " disturbance turn seed wall",
     )
 ):
     """One finished experiment, a row of the table of results; None stands for a number
@@ -77,6 +85,7 @@ class Experiment(
         contact_time: [R/c].
         disturbance: "" if the user did not interfere, else HIT_AGAIN or DISTURBED.
         turn, seed: initial rotation of the disk [rad], seed of its random points.
+        wall: "rigid", or the boundary of the elastic wall.
     """
 
 
@@ -100,7 +109,12 @@ class Sandbox:
             None.
     """
 
-    starts, speed, slow, _clock, _load_before = 0, 1.0, False, 0.0, 0.0
+    starts = 0
+    speed = 1.0
+    slow = False
+    _clock = 0.0
+    _load_before = 0.0
+    _slowed = 1.0
 
     def __init__(self, scene: Scene, kernels: KernelCache) -> None:
         """Begin with `scene`. Raises TaichiDiskError."""
@@ -116,7 +130,10 @@ class Sandbox:
         """
         self.time = Timeline(scene or self.scene, self.kernels)
         self.scene, self.starts = self.time.segment.scenario.scene, self.starts + 1
-        self.paused, self.message, self._due = True, "", 0.0
+        self.paused = True
+        self.message = ""
+        self._due = 0.0
+        self._slowed = 1.0
         self.remaining_loads: list[float] = []
         self.grip: tuple[int, tuple[float, float]] | None = None
         self.drawn_throw: tuple[float, float] | None = None
@@ -146,22 +163,29 @@ class Sandbox:
     @property
     def warnings(self) -> list[str]:
         """The notes that `run` would print with the result of this scene."""
-        return self.scene.notes(self.time.segment.scenario.lattice.disk_points)
+        lattice = self.time.segment.scenario.lattice
+        return [*lattice.notes, *self.scene.notes(lattice.disk_points)]
 
     @property
     def pace(self) -> float:
         """Simulated time per second of the clock now [R/c per s]."""
+        return self._pace_at(self._slowing)
+
+    @property
+    def _slowing(self) -> float:
+        """Factor of the speed now: in slow motion a contact has a smaller one."""
         scenario: Any = self.time.segment.scenario
-        slows = self.slow and scenario.is_thrown
-        contact = (
-            CONTACT_FORCE * scenario.velocity / scenario.model.springs.time_unit
-            if slows
-            else inf
-        )
-        pace = self.speed * (
-            SLOWDOWN if self.time.segment.row[INDEX["wall_force"]] > contact else 1.0
-        )
-        return COLLECTING_PACE if self.remaining_loads else pace
+        if not (self.slow and scenario.is_thrown):
+            return 1.0
+        time_unit = scenario.model.springs.time_unit
+        contact = CONTACT_FORCE * scenario.velocity / time_unit
+        force = self.time.segment.row[INDEX["wall_force"]]
+        return SLOWDOWN if force > contact else 1.0
+
+    def _pace_at(self, slowing: float) -> float:
+        if self.remaining_loads:
+            return COLLECTING_PACE
+        return self.speed * slowing
 
     # ---- time
 
@@ -182,10 +206,17 @@ class Sandbox:
             return self._go(ceil(self.time.lead / segment.step.dt), max_seconds)
         if self.paused or segment.status == "failed":
             return 0
-        self._due += seconds * self.pace / segment.step.dt
+        self._due += seconds * self._eased_pace(seconds) / segment.step.dt
         made = self._go(int(self._due), max_seconds)
         self._due = min(max(self._due - made, 0.0), 1.0)
         return made
+
+    def _eased_pace(self, seconds: float) -> float:
+        """Return the pace `seconds` of the clock later; slow motion begins and ends
+        smoothly."""
+        late = exp(-seconds / PACE_TIME)
+        self._slowed += (1.0 - late) * (self._slowing - self._slowed)
+        return self._pace_at(self._slowed)
 
     def _go(self, steps: int, max_seconds: float) -> int:
         """Make steps and report the end of the scene, a failure or a shorter step."""
@@ -226,13 +257,15 @@ class Sandbox:
             scene.wall.a,
             points,
         ]
-        which = value_of(scene, "impact.turn"), scene.lattice.seed
+        wall = value_of(scene, "wall.boundary") or "rigid"
+        which = value_of(scene, "impact.turn"), scene.lattice.seed, wall
         result = Experiment._make(
             [scenario.symbol, value, *settings, contact_time, label, *which]
         )
         self.results = [*self.results, result][-MAX_RESULTS:]
         self.paused = True
-        text = f"{scenario.end_words}: {scenario.symbol} = {value:.6f} {unit}".rstrip()
+        digits = printed(scenario.symbol, value)
+        text = f"{scenario.end_words}: {scenario.symbol} = {digits} {unit}".rstrip()
         self.message = f"{text}, {label}" if label else text
         if self.remaining_loads:
             self.collect(self.remaining_loads[1:])
@@ -260,6 +293,10 @@ class Sandbox:
             self.time.spacing *= COLLECTING_SPACING
             self.paused, self._load_before = False, before
         self.remaining_loads = loads
+
+    def remove(self, number: float) -> None:
+        """Remove the row `number` of the table of results, counted from the oldest."""
+        self.results = [row for k, row in enumerate(self.results) if k != number]
 
     def clear(self) -> None:
         """Empty the table of results."""

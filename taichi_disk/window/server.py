@@ -1,84 +1,81 @@
 """The sandbox as a page: one server, one sandbox, which the first visitor plays with
 and the others watch.
 
-`websockets` serves the page's files and its messages. This module adds access control:
-a token in the address, the page's own origin, and a check of every message.
+`websockets` serves the page's files and its messages. `door.py` decides who may come.
 """
 
 from __future__ import annotations
 
 import asyncio
+import errno
 import logging
 import secrets
 import socket
 import sys
 import webbrowser
+from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
-from importlib.resources import files
+from ipaddress import ip_address
+from threading import Thread
 from typing import Any
 
 from websockets.asyncio import server
-from websockets.http11 import Request, Response
 
 from taichi_disk.errors import InputError
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.simulation import KernelCache
-from taichi_disk.web.drawing import source
 from taichi_disk.window.audience import Audience
 from taichi_disk.window.controls import Entry
+from taichi_disk.window.door import Door, split_origin
 from taichi_disk.window.session import MAX_BYTES, Session
 
-LOCAL_HOSTS = ("127.0.0.1", "localhost")
+LOCAL_HOST = "127.0.0.1"
+_EVERYWHERE = ("0.0.0.0", "::")  # hosts that stand for all addresses of the machine
+# An address of documentation by family: to connect a UDP socket there sends nothing.
+_PROBES = {socket.AF_INET: "192.0.2.1", socket.AF_INET6: "2001:db8::1"}
 _POLL_INTERVAL = 0.1  # time between two checks for a signal [s]
+_CLOSE_TIME = 0.5  # time that pages get for saying goodbye at the end [s]
 # [bytes]; more than a scene and two states: those of 200,000 points have 10 MB
 _WRITE_LIMIT = 2**26
-_TYPES = {"html": "html", "js": "javascript", "css": "css"}  # text types by file suffix
-_POLICY = (
-    "default-src 'self' data: blob:; connect-src 'self' ws: wss:; style-src 'self'"
-    " 'unsafe-inline'"
-)
-_HEADERS = {
-    "Cache-Control": "no-store",
-    "Referrer-Policy": "no-referrer",
-    "Content-Security-Policy": _POLICY,
-}
+_NO_FILES_LEFT = (errno.EMFILE, errno.ENFILE)
 
 
 def serve(
     playlist: list[Entry],
-    host: str = LOCAL_HOSTS[0],
+    host: str = LOCAL_HOST,
     port: int = 0,
     open_browser: bool = False,
+    origin: str = "",
 ) -> None:
     """Serve the sandbox until Ctrl-C, at a free port if `port` is 0.
 
-    Prints the address, with the token that every request needs. Raises InputError if it
-    cannot listen there, KeyboardInterrupt after Ctrl-C.
+    Prints the address, with the token that every request needs. `origin`: public
+    address of the page behind a reverse proxy, "" for none. Raises InputError if the
+    server cannot listen there, KeyboardInterrupt after Ctrl-C.
     """
-    try:
-        listening = socket.create_server((host, port))
-    except (OSError, OverflowError) as error:
-        raise InputError(
-            f"cannot listen at {host}, port {port}: {error}; choose another --host or"
-            " --port"
-        ) from None
-    audience, token = (
-        Audience(Session(playlist, KernelCache())),
-        secrets.token_urlsafe(16),
-    )
-    name = socket.gethostname() if host == "0.0.0.0" else host
-    address = f"http://{name}:{listening.getsockname()[1]}/{token}/"
-    print(f"the sandbox is at {address}\nCtrl-C ends it", flush=True)
-    if host not in LOCAL_HOSTS:
+    public, path = split_origin(origin) if origin else ("", "")
+    listening = _listen(host, port)
+    audience = Audience(Session(playlist, KernelCache()))
+    token = secrets.token_urlsafe(16)
+    bound_port = listening.getsockname()[1]
+    roots = [f"http://{name}:{bound_port}" for name in _names(host, listening)]
+    if public:
+        roots = [public + path, *roots]
+    addresses = [f"{root}/{token}/" for root in roots]
+    print("the sandbox is at", "\n               or ".join(addresses))
+    print("Ctrl-C ends it", flush=True)
+    if public or not _is_local(listening):
         print(
             "note: whoever has this address and reaches this machine can play; nothing"
-            " is encrypted",
+            " is encrypted by this program",
             flush=True,
         )
     if open_browser:
-        webbrowser.open(address)
+        # A browser in the foreground returns when it is closed.
+        Thread(target=webbrowser.open, args=addresses[:1], daemon=True).start()
     try:
-        asyncio.run(run(audience, token, listening))
+        asyncio.run(run(audience, Door(token, public), listening))
     finally:
         if audience.ignored:
             print(
@@ -87,25 +84,131 @@ def serve(
             )
 
 
-async def run(audience: Audience, token: str, listening: socket.socket) -> None:
+# ---- addresses
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    """Return a socket that listens at a name or address, of IPv4 if it has one.
+
+    Raises InputError if it cannot listen there.
+    """
+    if not host:
+        raise InputError(
+            "--host is empty: write 127.0.0.1 for this machine alone, or 0.0.0.0 for"
+            " everybody who can reach it"
+        )
+    try:
+        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+        found.sort(key=lambda one: one[0] != socket.AF_INET)
+        family, *_, address = found[0]
+        is_dual = host == "::" and socket.has_dualstack_ipv6()
+        return socket.create_server(address, family=family, dualstack_ipv6=is_dual)
+    except (OSError, OverflowError, UnicodeError) as error:
+        raise InputError(
+            f"cannot listen at {host}, port {port}: {error}; choose another --host or"
+            " --port"
+        ) from None
+
+
+def _is_local(listening: socket.socket) -> bool:
+    """Whether only this machine can reach the server."""
+    return ip_address(listening.getsockname()[0].partition("%")[0]).is_loopback
+
+
+def _names(host: str, listening: socket.socket) -> list[str]:
+    """Return the names and addresses of the server, as they stand in a URL."""
+    if listening.getsockname()[0] not in _EVERYWHERE:
+        return [_bracketed(host)]
+    families = [socket.AF_INET]
+    if listening.family == socket.AF_INET6:
+        families.append(socket.AF_INET6)
+    own = [one for family in families for one in _own_addresses(family)]
+    return [*map(_bracketed, dict.fromkeys(own)), socket.gethostname()]
+
+
+def _bracketed(address: str) -> str:
+    return f"[{address}]" if ":" in address else address
+
+
+def _own_addresses(family: socket.AddressFamily) -> list[str]:
+    """Return the addresses at which others reach this machine: the one it uses for the
+    internet, then those of its name."""
+    found = []
+    with suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as probe:
+        probe.connect((_PROBES[family], 9))
+        found.append(probe.getsockname()[0])
+    with suppress(OSError):
+        rows = socket.getaddrinfo(socket.gethostname(), None, family)
+        found += [str(address[0]) for *_, address in rows]
+    return [one for one in found if not ip_address(one.partition("%")[0]).is_loopback]
+
+
+# ---- serving
+
+
+class _Connection(server.ServerConnection):
+    """A connection that ends if its page leaves more than _WRITE_LIMIT unread, such as
+    answers to pings."""
+
+    def pause_writing(self) -> None:
+        super().pause_writing()
+        # soon: what is being answered now would be written into a closed transport
+        self.loop.call_soon(self.transport.abort)
+
+
+async def run(audience: Audience, door: Door, listening: socket.socket) -> None:
     """Serve until a signal, which raises KeyboardInterrupt, or until an error has ended
     `audience`."""
+    loop = asyncio.get_running_loop()
+    loop.set_exception_handler(_error_handler())
     # what strangers send is not logged
     logger = logging.Logger("page", logging.CRITICAL + 1)
-    options: dict[str, Any] = {
-        "max_size": MAX_BYTES,
-        "compression": None,
-        "server_header": None,
-        "logger": logger,
-    }
-    # `websockets` would wait with its pings for a page that never reads.
-    options |= {"process_request": partial(answer, token), "write_limit": _WRITE_LIMIT}
-    async with server.serve(partial(_meet, audience), sock=listening, **options):
-        playing = asyncio.create_task(audience.run())
+    serving = await server.serve(
+        partial(_meet, audience),
+        sock=listening,
+        process_request=door.answer,
+        create_connection=_Connection,
+        max_size=MAX_BYTES,
+        write_limit=_WRITE_LIMIT,
+        close_timeout=_CLOSE_TIME,
+        compression=None,
+        server_header=None,
+        logger=logger,
+    )
+    playing = asyncio.create_task(audience.run())
+    try:
         while not playing.done():
             raise_if_interrupted()
             await asyncio.wait([playing], timeout=_POLL_INTERVAL)
         playing.result()
+    finally:
+        serving.close()
+        # asyncio would try to accept further connections, if there was no room for them
+        loop.set_exception_handler(lambda loop, context: None)
+        # Connections that have asked for nothing yet would be waited for.
+        closed = asyncio.ensure_future(serving.wait_closed())
+        await asyncio.wait([closed], timeout=2.0 * _CLOSE_TIME)
+
+
+def _error_handler() -> Callable[[asyncio.AbstractEventLoop, dict[str, Any]], None]:
+    """Return a handler of the event loop's errors, which says in one line, and once,
+    that there is no room for more connections."""
+    is_noted = False
+
+    def handle(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        nonlocal is_noted
+        error = context.get("exception")
+        if not isinstance(error, OSError) or error.errno not in _NO_FILES_LEFT:
+            loop.default_exception_handler(context)
+        elif not is_noted:
+            is_noted = True
+            print(
+                "note: too many connections for this system's limit of open files;"
+                " further visitors must wait",
+                file=sys.stderr,
+            )
+
+    return handle
 
 
 async def _meet(audience: Audience, connection: server.ServerConnection) -> None:
@@ -118,34 +221,3 @@ async def _meet(audience: Audience, connection: server.ServerConnection) -> None
             audience.hear(visitor, text)
     finally:
         audience.leave(visitor)
-
-
-def answer(
-    token: str, connection: server.ServerConnection, request: Request
-) -> Response | None:
-    """Return a file of the page, or a refusal; None opens the websocket. Every path
-    begins with `token`."""
-    _, first, name = (*request.path.split("?")[0].split("/", 2), "", "")[:3]
-    if not secrets.compare_digest(first.encode(), token.encode()):
-        return connection.respond(
-            403, "Use the whole address that `taichi-disk view` printed."
-        )
-    if request.headers.get("Upgrade", "").lower() == "websocket":
-        # A script of another site can open a websocket here, but not pretend that it
-        # comes from here.
-        origin = request.headers.get("Origin", "").partition("://")[2]
-        if name == "socket" and origin and origin == request.headers.get("Host"):
-            return None
-        return connection.respond(403, "This websocket accepts only its own page.")
-    if request.path == f"/{token}":
-        response = connection.respond(307, "")
-        response.headers["Location"] = f"/{token}/"
-        return response
-    name = name or "index.html"
-    kind = _TYPES.get(name.rpartition(".")[2])
-    if not kind or name not in {one.name for one in files("taichi_disk.web").iterdir()}:
-        return connection.respond(404, "There is no such file.")
-    response = connection.respond(200, source(name))
-    del response.headers["Content-Type"]
-    response.headers.update({"Content-Type": f"text/{kind}; charset=utf-8"} | _HEADERS)
-    return response

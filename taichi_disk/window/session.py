@@ -10,29 +10,42 @@ from __future__ import annotations
 import json
 import struct
 from collections.abc import Callable
-from typing import Any, get_args
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
+from taichi_disk import engine, runtime
+from taichi_disk.errors import TaichiDiskError
 from taichi_disk.fields import Triangles
 from taichi_disk.simulation.observables import INDEX
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import colour_values, contact_forces, scene_message
-from taichi_disk.window.controls import CHOICES, RANGES, REPEATING_KEYS, Controls, Entry
+from taichi_disk.window.controls import (
+    CHOICES,
+    RANGES,
+    REPEATING_KEYS,
+    Controls,
+    Entry,
+    described,
+    values_of,
+)
 from taichi_disk.window.graphs import CURVES, Graphs, Scales
-from taichi_disk.window.sandbox import Sandbox
+from taichi_disk.window.look import Look
+from taichi_disk.window.sandbox import Sandbox, load_key, printed, value_of
 
 MAX_BYTES, MAX_NUMBER = 2**10, 1e7  # limits of a page's message and of a number in it
 # most commands between two pictures, without those that a later one replaces
 _MAX_PENDING = 64
 # A page's commands and their values, by the part of `Session` that has a method of the
-# same name. "seen" tells
-# the audience that the page has drawn a state.
+# same name. Those of the audience tell it that the page has drawn a state, that a
+# watcher asks to play, and that the player hands over or does not.
 _METHODS = {
     "controls": "press key, play number, set key value, speed value, collect",
-    "sandbox": "scrub t, turn angle final, aim dx dy, throw, pull x y, release, clear",
+    "sandbox": "scrub t, turn angle final, aim dx dy, throw, pull x y, release, clear,"
+    " remove number",
     "scales": "rescale",
-    "audience": "seen number",
+    "audience": "seen number, ask, hand, keep",
 }
 _COMMANDS = {
     do: (part, values)
@@ -83,19 +96,27 @@ class Session:
     def __init__(self, playlist: list[Entry], kernels: KernelCache) -> None:
         """Begin with the first scene of the list. Raises TaichiDiskError if it cannot
         be built."""
+        self._program = engine.program()
         self.sandbox = Sandbox(playlist[0].load(), kernels)
         self.controls = Controls(self.sandbox, playlist)
-        self.scales, self.graphs = Scales(self.sandbox), Graphs(self.sandbox)
+        self.scales = Scales(self.sandbox)
+        self.graphs = Graphs(self.sandbox)
         self.texts: dict[str, str] = {}
-        self.number, self.state, self._command_count = 0, b"", 0
+        self.state = b""
+        self.number = 0
+        self._command_count = 0
         self._pending: dict[Any, dict[str, Any]] = {}
         self._text_keys: dict[str, Any] = {}
+        # what watchers see who have chosen another look
+        self._other_scales: dict[str, Scales] = {}
+        self._other_messages: dict[Look, dict[str, Any]] = {}
         hello = {
             "columns": [*INDEX],
-            "playlist": [entry[:2] for entry in playlist],
+            "playlist": [_card(entry) for entry in playlist],
             "curves": CURVES,
+            "keys": self.controls.reference,
+            "repeating": REPEATING_KEYS,
         }
-        hello |= {"keys": self.controls.reference, "repeating": REPEATING_KEYS}
         self._write("hello", 0, lambda: hello)
         self.advance()
 
@@ -113,11 +134,13 @@ class Session:
         if len(self._pending) < _MAX_PENDING:
             self._pending[key] = message
 
-    def release(self, pause: bool) -> None:
-        """Let go of the disk with the next picture, because its player has left;
-        `pause`: nobody else is there."""
+    def release(self) -> None:
+        """Let go of the disk with the next picture, because its player has left."""
         self._pending = {"release": {"do": "release"}}
-        if pause and not self.sandbox.paused:
+
+    def pause(self) -> None:
+        """Pause, because nobody is there."""
+        if not self.sandbox.paused:
             self.sandbox.pause()
 
     # ---- pictures
@@ -134,41 +157,101 @@ class Session:
             or not sandbox.paused
         )
 
+    @property
+    def look(self) -> Look:
+        """How the disk is drawn for the player."""
+        return Look.of(self.sandbox.scene.video)
+
+    def messages(self, look: Look) -> dict[str, Any]:
+        """Return the present message of each kind for a visitor with this look."""
+        if look == self.look:
+            return {**self.texts, "state": self.state}
+        if look not in self._other_messages:
+            self._other_messages[look] = self.texts | self._messages_of(look)
+        return self._other_messages[look]
+
+    def _messages_of(self, look: Look) -> dict[str, Any]:
+        """Return the messages that depend on the look."""
+        if look.colour not in self._other_scales:
+            self._other_scales[look.colour] = Scales(self.sandbox, look.colour)
+        scales = self._other_scales[look.colour]
+        scene = self.sandbox.scene
+        shown = replace(scene, video=replace(scene.video, **look._asdict()))
+        state = self._state(look, scales)
+        return {
+            "panel": _text("panel", self._panel(look, scales)),
+            "yaml": _text("yaml", {"text": shown.to_yaml()}),
+            "state": state,
+        }
+
     def advance(self) -> None:
         """Carry out the commands, let the time since the last picture pass, and write
-        the next picture's messages."""
-        pending, self._pending = self._pending, {}
+        the next picture's messages.
+
+        If that fails, the scene begins anew, and its message says why.
+        """
+        try:
+            if engine.program() is not self._program:
+                raise TaichiDiskError("ti.init or ti.reset has ended the simulation")
+            self._carry_out_commands()
+            self.sandbox.tick()
+        except Exception as error:
+            self._begin_anew(described(error))
+        self.number += 1
+        self._write_messages()
+
+    def _carry_out_commands(self) -> None:
+        pending = self._pending
+        self._pending = {}
         for kind, *values in map(dict.values, pending.values()):
             part = getattr(self, _COMMANDS[kind][0])
             self.controls.attempt(getattr(part, kind), *values)
+
+    def _begin_anew(self, reason: str) -> None:
+        """Begin the present scene, with kernels of the present engine."""
         sandbox = self.sandbox
-        sandbox.tick()
-        self.number += 1
-        last, state = sandbox.time.segment, sandbox.time.display
-        scenario, is_past = state.segment.scenario, sandbox.time.lead < 0.0
-        # Send the scene again if the lattice, the start or the wall's drawing changes,
-        # and the graphs if other curves are shown or the curves end; until then the
-        # page itself adds a point with each state.
-        look = (
+        self._pending = {}
+        try:
+            runtime.start()
+            sandbox.begin()
+            self._program = engine.program()
+            sandbox.message = f"{reason}; the disk is at the start again"
+        except Exception as error:
+            sandbox.paused = True
+            sandbox.message = f"{reason}: {described(error)}"
+
+    def _write_messages(self) -> None:
+        sandbox = self.sandbox
+        self._write("scene", self._scene_key(), self._scene)
+        # While the scene is computed again, the old curves stay.
+        if sandbox.time.lead <= 0.0:
+            self._write("graphs", self._graphs_key(), self.graphs.message)
+        self._write("yaml", sandbox.scene, lambda: {"text": sandbox.scene.to_yaml()})
+        self.state = self._state(self.look, self.scales)
+        panel = self._panel(self.look, self.scales)
+        self._write("panel", panel, lambda: panel)
+        self._other_messages = {}
+
+    def _scene_key(self) -> Any:
+        """The scene is sent again if the lattice, the start or the wall's drawing
+        changes."""
+        scenario = self.sandbox.time.display.segment.scenario
+        return (
             id(scenario.lattice.bonds),
             scenario.spoke,
             scenario.view,
             scenario.scene.wall.a,
             scenario.point_force,
         )
-        curves = (
-            last,
-            state.segment.hit_began,
-            last.status,
-            sandbox.paused,
-            is_past,
-        )
-        self._write("scene", look, self._scene)
-        self._write("graphs", curves, self.graphs.message)
-        self._write("yaml", sandbox.scene, lambda: {"text": sandbox.scene.to_yaml()})
-        self.state = self._state()
-        panel = self._panel()
-        self._write("panel", panel, lambda: panel)
+
+    def _graphs_key(self) -> Any:
+        """The graphs are sent again if other curves are shown or the curves end; until
+        then the page itself adds a point with each state."""
+        time = self.sandbox.time
+        last = time.segment
+        hit_began = time.display.segment.hit_began
+        is_past = time.lead < 0.0
+        return last, hit_began, last.status, self.sandbox.paused, is_past
 
     def _write(
         self, kind: str, key: Any, content: Callable[[], dict[str, Any]]
@@ -177,9 +260,7 @@ class Session:
         changed."""
         if self._text_keys.get(kind) != key:
             self._text_keys[kind] = key
-            self.texts[kind] = json.dumps(
-                {"kind": kind} | content(), ensure_ascii=False
-            )
+            self.texts[kind] = _text(kind, content())
 
     def _scene(self) -> dict[str, Any]:
         scenario = self.sandbox.time.display.segment.scenario
@@ -188,7 +269,7 @@ class Session:
             "start": self.sandbox.starts
         }
 
-    def _state(self) -> bytes:
+    def _state(self, look: Look, scales: Scales) -> bytes:
         """Return the binary message of a picture, little-endian.
 
         HEADER holds the number, t since the hit began [R/c], points, forces, the point
@@ -197,74 +278,136 @@ class Session:
         positions (2n), values and forces (3k) follow as float32, and the caption in
         UTF-8.
         """
-        sandbox, state, video = (
-            self.sandbox,
-            self.sandbox.time.display,
-            self.sandbox.scene.video,
-        )
-        scenario, x, v = state.segment.scenario, state.x, state.v
-        springs, wall, lattice = (
-            scenario.model.springs,
-            scenario.model.wall,
-            scenario.lattice,
-        )
-        values = colour_values(
-            video.colour, self._triangles, springs, x, v, video.draw == "springs"
-        )
-        forces = contact_forces(wall, lattice, springs, x, v)
-        self.scales.update(values[: lattice.disk_points], forces)
-        t = state.t - state.segment.hit_began
+        sandbox = self.sandbox
+        state = sandbox.time.display
+        scenario = state.segment.scenario
+        springs = scenario.model.springs
+        lattice = scenario.lattice
+        x = state.x
+        v = state.v
+        of_springs = look.draw == "springs"
+        values = colour_values(look.colour, self._triangles, springs, x, v, of_springs)
+        forces = contact_forces(scenario.model.wall, lattice, springs, x, v)
+        scales.update(values[: lattice.disk_points], forces)
         pulled = sandbox.grip[0] if sandbox.grip else -1
-        full = self.scales.colour, self.scales.force
+        t = state.t - state.segment.hit_began
         header = HEADER.pack(
-            self.number, t, len(x), len(forces), pulled, len(values), *full
+            self.number,
+            t,
+            len(x),
+            len(forces),
+            pulled,
+            len(values),
+            scales.colour,
+            scales.force,
         )
         curves = self.graphs.values(state.row[None])[0]
-        floats = np.concatenate(
-            [state.row, curves, x.ravel(), values, forces.ravel()]
-        ).astype("<f4")
-        caption = "\n".join(scenario.caption(state.values | {"t": t}))
-        return header + floats.tobytes() + caption.encode()
+        parts = [state.row, curves, x.ravel(), values, forces.ravel()]
+        floats = np.concatenate(parts).astype("<f4")
+        return header + floats.tobytes() + self._caption(t).encode()
 
-    def _panel(self) -> dict[str, Any]:
-        sandbox, controls = self.sandbox, self.controls
-        scene, entry = sandbox.scene, controls.playlist[controls.number]
-        # A change that needs a new start waits for the end of the drag if the start
-        # takes long.
-        is_slow = sandbox.at_start and (
-            scene.lattice.points > LARGE_LATTICE or not sandbox.can_aim
-        )
-        can_aim = sandbox.can_aim and not sandbox.message
+    def _caption(self, t: float) -> str:
+        """Return the lines of the read-out; a result, at its end, begins with *."""
+        time = self.sandbox.time
+        scenario = time.display.segment.scenario
+        lines = [*scenario.caption(time.display.values | {"t": t})]
+        if time.segment.status == "finished" and time.lead == 0.0:
+            result = next(iter(scenario.result(time.segment.columns).values()))
+            lines.append(f"*{scenario.symbol} = {printed(scenario.symbol, result)}")
+        return "\n".join(lines)
+
+    def _panel(self, look: Look, scales: Scales) -> dict[str, Any]:
+        sandbox = self.sandbox
+        controls = self.controls
+        entry = controls.playlist[controls.number]
         return {
-            **{
-                name: getattr(sandbox, name)
-                for name in ("message", "status", "warnings", "paused", "slow")
-            },
+            "message": sandbox.message or scales.note,
+            "status": sandbox.status,
+            "warnings": sandbox.warnings,
+            "paused": sandbox.paused,
+            "slow": sandbox.slow,
             "aimed": sandbox.drawn_throw,
-            **{name: getattr(entry, name) for name in ("name", "sentence")},
+            "name": entry.name,
+            "sentence": entry.sentence,
             "number": controls.number,
             "title": [*sandbox.time.display.segment.scenario.title()],
-            "hint": (
-                PAST_HINT if sandbox.time.lead < 0.0 else AIM_HINT if can_aim else ""
-            ),
+            "hint": self._hint(),
             "atStart": sandbox.at_start,
-            "sliders": [
-                {"key": key, "value": controls.value(key)}
-                | {
-                    "live": (
-                        key != "lattice.points"
-                        and not (is_slow and key not in ("speed", "video.magnify"))
-                    )
-                }
-                | one._asdict()
-                for key, one in controls.ranges.items()
-            ],
-            "choices": [
-                {"key": key, "name": name, "value": value, "options": get_args(options)}
-                for key, (name, options) in CHOICES.items()
-                if (value := controls.value(key)) is not None
-            ],
-            "seed": scene.lattice.seed,
+            "sliders": self._sliders(),
+            "choices": self._choices(look),
+            "seed": sandbox.scene.lattice.seed,
             "collecting": len(sandbox.remaining_loads),
             "results": [one._asdict() for one in sandbox.results],
+            "loadRange": self._load_range(),
+            "again": self._recomputed(),
         }
+
+    def _recomputed(self) -> float:
+        """Return the fraction of the way to the state on display that has been computed
+        again, or 1."""
+        time = self.sandbox.time
+        if time.lead <= 0.0:
+            return 1.0
+        return round(time.segment.now / time.display.t, 2)
+
+    def _load_range(self) -> tuple[float, float]:
+        """Return the ends of the slider of the speed or load."""
+        usual = RANGES[load_key(self.sandbox.scene)]
+        return usual.low, usual.high
+
+    def _hint(self) -> str:
+        if self.sandbox.time.lead < 0.0:
+            return PAST_HINT
+        if self.sandbox.can_aim:
+            return AIM_HINT
+        return ""
+
+    def _sliders(self) -> list[dict[str, Any]]:
+        """Return the numbers of the scene. `live`: whether a number changes during the
+        drag of its slider; a change that takes long waits for the end of the drag."""
+        sandbox = self.sandbox
+        is_large = sandbox.scene.lattice.points > LARGE_LATTICE
+        is_slow = sandbox.at_start and (is_large or not sandbox.can_aim)
+        sliders = []
+        for key, one in self.controls.ranges.items():
+            is_light = key in ("speed", "video.magnify")
+            live = key != "lattice.points" and (is_light or not is_slow)
+            value = self.controls.value(key)
+            sliders.append({"key": key, "value": value, "live": live} | one._asdict())
+        return sliders
+
+    def _choices(self, look: Look) -> list[dict[str, Any]]:
+        """Return the choices of the present scene, those of a visitor alone by
+        `look`."""
+        own = {command["key"]: command["value"] for command in look.commands()}
+        choices = []
+        for key, (name, _) in CHOICES.items():
+            value = own.get(key, self.controls.value(key))
+            if value is not None:
+                choice = {"key": key, "name": name, "value": value}
+                choices.append(choice | {"options": values_of(key)})
+        return choices
+
+
+def _text(kind: str, content: dict[str, Any]) -> str:
+    """Return a JSON message, in ASCII: names of files may hold what is no Unicode."""
+    return json.dumps({"kind": kind} | content)
+
+
+def _card(entry: Entry) -> dict[str, Any]:
+    """Return what the page's list shows of a scene; the numbers of its first state, for
+    a small picture, only if the scene is one of the program's."""
+    card: dict[str, Any] = {
+        "name": entry.name,
+        "sentence": entry.sentence,
+        "group": entry.group,
+    }
+    if entry.group:
+        scene = entry.load()
+        card["kind"] = scene.scene
+        card["hardness"] = scene.wall.a
+        for name in ("velocity", "angle", "spin", "turn"):
+            card[name] = value_of(scene, f"impact.{name}") or 0.0
+        card["load"] = value_of(scene, "compression.pressure") or 0.0
+        card["boundary"] = value_of(scene, "wall.boundary") or ""
+    return card

@@ -691,9 +691,16 @@ def test_a_lattice_that_is_not_the_run_s_any_more_is_noticed(tmp_path):
         lattices=1,
     )
     path = tmp_path / "r" / "lattice.npz"
-    np.savez(path, **{**np.load(path), "rest_lengths": ELLIPSE.rest_lengths * 1.01})
-    with pytest.raises(InputError, match="have changed since the run"):
-        Result.load(tmp_path / "r")
+    stored = dict(np.load(path))
+    for changes in (
+        {"rest_lengths": ELLIPSE.rest_lengths * 1.01},
+        {"triangles": np.roll(ELLIPSE.triangles, 1, axis=1)},
+        {"triangles": ELLIPSE.triangles[::-1]},
+        {"disk_surface": np.roll(ELLIPSE.disk_surface, 1)},
+    ):
+        np.savez(path, **{**stored, **changes})
+        with pytest.raises(InputError, match="have changed since the run"):
+            Result.load(tmp_path / "r")
 
 
 @pytest.mark.parametrize("name", ["strained", "pressed"])

@@ -416,10 +416,3 @@ def test_too_little_memory_is_reported_in_a_sentence(tmp_path):
     assert done.returncode == 1
     assert "memory" in done.stderr and "Traceback" not in done.stderr
     assert not (tmp_path / "o" / "timeseries.csv").exists()
-
-
-def test_more_points_than_memory_are_refused_beforehand(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("taichi_disk.scenes.free_memory", lambda: 1e9)
-    assert main(["check", "exponential_wall", "--set", "lattice.points=2000000"]) == 2
-    message = capsys.readouterr().err
-    assert "lattice.points" in message and "at most 350,000" in message

@@ -79,6 +79,17 @@ def test_a_custom_lattice_is_thrown():
     assert 0.3 < e < 1.0
 
 
+def test_a_mesh_of_gmsh_is_thrown():
+    shown = output_of("mesh")
+    assert "multiplied by 0.02" in shown and "point 0 at (0, 0) belongs to no" in shown
+    points, springs, e = numbers(r"(\d+) points, (\d+) springs\ne = ([\d.]+)", shown)
+    rows, sectors = 8, 80
+    assert points == (rows + 1) * sectors
+    # Euler's formula for a ring: as many sides as points and triangles together
+    assert springs == points + 2 * rows * sectors
+    assert 0.3 < e < 1.0
+
+
 def test_a_thin_ring_sinks_as_its_closed_form_says():
     found = re.findall(
         r"hole ([\d.]+) R: xi/P = (\S+) .*thin ring (\S+)", output_of("ring")

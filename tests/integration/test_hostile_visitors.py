@@ -4,6 +4,7 @@ sandbox goes on."""
 from __future__ import annotations
 
 import asyncio
+import errno
 import json
 import random
 import re
@@ -14,17 +15,20 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from functools import partial
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 
+from taichi_disk.errors import InputError
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window import server
 from taichi_disk.window.audience import Audience
 from taichi_disk.window.controls import Entry
+from taichi_disk.window.door import Door
 from taichi_disk.window.session import HEADER, MAX_BYTES, Session
 from tests.browser import MISSING, Browser
 
@@ -41,6 +45,20 @@ Act = Callable[[int], Awaitable[None]]  # what visitors do, given the port
 def audience(kernels: KernelCache) -> Audience:
     entry = Entry("bounce", "Look.", partial(load_scene, "exponential_wall", SETTINGS))
     return Audience(Session([entry] * 2, kernels))
+
+
+def handshake(port: int) -> bytes:
+    """The request with which a page opens its websocket."""
+    lines = (
+        "GET /secret/socket HTTP/1.1",
+        f"Host: 127.0.0.1:{port}",
+        f"Origin: http://127.0.0.1:{port}",
+        "Upgrade: websocket",
+        "Connection: Upgrade",
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==",
+        "Sec-WebSocket-Version: 13",
+    )
+    return "\r\n".join([*lines, "", ""]).encode()
 
 
 class Guest:
@@ -81,7 +99,9 @@ def visited(audience: Audience, act: Act) -> None:
         with socket.create_server(("127.0.0.1", 0), backlog=128) as listening:
             listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SMALL_BUFFER)
             port = listening.getsockname()[1]
-            serving = asyncio.create_task(server.run(audience, "secret", listening))
+            serving = asyncio.create_task(
+                server.run(audience, Door("secret"), listening)
+            )
             try:
                 await asyncio.wait_for(act(port), 30.0)
                 async with guest(port) as last:
@@ -147,12 +167,12 @@ def test_a_player_who_reads_nothing_gets_no_queue_and_must_give_way(
     audience: Audience, monkeypatch: pytest.MonkeyPatch, claims_to_draw: bool
 ) -> None:
     connections: list[Any] = []
-    answer = server.answer
+    answer = Door.answer
     monkeypatch.setattr(server.server, "serve", partial(server.server.serve, **QUICK))
     monkeypatch.setattr(
-        server,
+        Door,
         "answer",
-        lambda token, *more: connections.append(more[0]) or answer(token, *more),
+        lambda door, *more: connections.append(more[0]) or answer(door, *more),
     )
 
     async def act(port: int) -> None:
@@ -267,6 +287,117 @@ def test_a_flood_of_rubbish_is_counted_and_everybody_else_goes_on(
                         await broken.connection.recv()
 
     visited(audience, act)
+
+
+def test_a_visitor_who_pings_and_never_reads_is_sent_away(
+    audience: Audience, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    limit = 2**18
+    monkeypatch.setattr(server, "_WRITE_LIMIT", limit)
+    ping = b"\x89\xfd" + bytes(4) + b"x" * 125
+
+    async def act(port: int) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port, limit=2**10)
+        writer.write(handshake(port))
+        await reader.readuntil(b"\r\n\r\n")
+        sent = 0
+        with pytest.raises(ConnectionError):
+            while sent < 2**26:
+                writer.write(ping * 500)
+                await writer.drain()
+                sent += 500 * len(ping)
+        assert sent >= limit
+
+    visited(audience, act)
+
+
+def test_pages_that_are_silent_do_not_hold_up_the_end(audience: Audience) -> None:
+    async def visit() -> None:
+        with socket.create_server(("127.0.0.1", 0)) as listening:
+            port = listening.getsockname()[1]
+            door = Door("secret")
+            serving = asyncio.create_task(server.run(audience, door, listening))
+            streams = []
+            for request in (handshake(port), b"", b"GET /secret/"):
+                streams.append(await asyncio.open_connection("127.0.0.1", port))
+                streams[-1][1].write(request)
+            await until(lambda: audience._visitors)
+            serving.cancel()
+            # `websockets` would wait for ten seconds
+            done, _ = await asyncio.wait([serving], timeout=5.0)
+            assert done
+
+    asyncio.run(visit())
+
+
+def test_visitors_beyond_the_limit_of_open_files_are_told_of_once(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    async def visit() -> None:
+        handle = server._error_handler()
+        loop = asyncio.get_running_loop()
+        for number in (errno.EMFILE, errno.ENFILE, errno.EMFILE):
+            handle(loop, {"message": "accept", "exception": OSError(number, "full")})
+
+    asyncio.run(visit())
+    lines = capfd.readouterr().err.splitlines()
+    assert len(lines) == 1 and "limit of open files" in lines[0]
+
+
+@pytest.mark.parametrize(
+    ("host", "bound"),
+    [("localhost", "127.0.0.1"), ("127.0.0.1", "127.0.0.1"), ("::1", "::1")],
+)
+def test_a_host_of_this_machine_is_local_and_has_one_name(
+    host: str, bound: str
+) -> None:
+    if ":" in host and not socket.has_dualstack_ipv6():
+        pytest.skip("no IPv6")
+    with server._listen(host, 0) as listening:
+        assert listening.getsockname()[0] == bound
+        assert server._is_local(listening)
+        assert server._names(host, listening) == [f"[{host}]" if ":" in host else host]
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::"])
+def test_a_server_for_everybody_prints_addresses_that_answer(host: str) -> None:
+    if ":" in host and not socket.has_dualstack_ipv6():
+        pytest.skip("no IPv6")
+    with server._listen(host, 0) as listening:
+        *addresses, name = server._names(host, listening)
+        assert not server._is_local(listening) and name == socket.gethostname()
+        port = listening.getsockname()[1]
+        for address in [*addresses, "127.0.0.1"]:
+            socket.create_connection((address.strip("[]"), port), 5.0).close()
+
+
+def test_an_empty_host_does_not_listen_everywhere() -> None:
+    with pytest.raises(InputError, match=r"--host is empty.*0\.0\.0\.0"):
+        server._listen("", 0)
+
+
+def test_a_browser_in_the_foreground_does_not_hold_up_the_server(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    is_closed = Event()
+    opened: list[str] = []
+
+    def browse(address: str) -> None:
+        opened.append(address)
+        is_closed.wait(20.0)
+
+    async def serving(*_: Any) -> None:
+        for _ in range(100):
+            if opened:
+                return
+            await asyncio.sleep(0.05)
+
+    monkeypatch.setattr(server.webbrowser, "open", browse)
+    monkeypatch.setattr(server, "run", serving)
+    entry = Entry("bounce", "Look.", partial(load_scene, "exponential_wall", SETTINGS))
+    server.serve([entry], open_browser=True)
+    assert not is_closed.is_set() and opened[0] in capfd.readouterr().out
+    is_closed.set()
 
 
 @pytest.mark.validate

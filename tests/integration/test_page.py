@@ -18,6 +18,7 @@ from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
+from urllib.parse import urljoin
 
 import numpy as np
 import pytest
@@ -26,13 +27,16 @@ from websockets.server import ServerProtocol
 
 from taichi_disk.cli import main
 from taichi_disk.computation.outcome import compute
+from taichi_disk.errors import InputError
+from taichi_disk.render.palette import full_scale
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.observables import INDEX
 from taichi_disk.simulation.simulation import KernelCache
+from taichi_disk.web.drawing import colour_values
 from taichi_disk.window.audience import Audience
 from taichi_disk.window.controls import CHOICES, RANGES, Entry
+from taichi_disk.window.door import Door, split_origin
 from taichi_disk.window.graphs import CURVES
-from taichi_disk.window.server import answer
 from taichi_disk.window.session import HEADER, Session, read_command
 from tests.browser import MISSING, Browser
 
@@ -81,12 +85,15 @@ class Request:
         self.path, self.headers = path, headers
 
 
+DOOR = Door("secret", "https://example.org")
+
+
 class Connection:
     respond = staticmethod(ServerProtocol().reject)
 
 
 def answered(path: str, **headers: str) -> Response | None:
-    return answer("secret", Connection(), Request(path, **headers))  # type: ignore[arg-type]
+    return DOOR.answer(Connection(), Request(path, **headers))  # type: ignore[arg-type]
 
 
 def knock(path: str, **headers: str) -> int:
@@ -129,6 +136,8 @@ def test_without_the_token_nothing_is_served(path: str) -> None:
         ("/secret/socket", "http://127.0.0.1:12", 403),
         ("/secret/socket", "null", 403),
         ("/secret/socket", "", 403),
+        ("/secret/socket", "https://example.org", 101),  # as DOOR was told
+        ("/secret/socket", "http://example.org", 403),
         ("/secret/", "http://127.0.0.1:1", 403),
     ],
 )
@@ -136,6 +145,49 @@ def test_a_websocket_is_for_the_page_s_own_origin(
     path: str, origin: str, status: int
 ) -> None:
     assert knock(path, Upgrade="websocket", Host="127.0.0.1:1", Origin=origin) == status
+
+
+@pytest.mark.parametrize(
+    ("forwarded", "status"),
+    [
+        ("lab.example:8080", 101),
+        ("outer.example, lab.example:8080", 101),
+        ("lab.example", 403),
+        ("", 403),
+    ],
+)
+def test_a_proxy_declares_the_page_s_origin(forwarded: str, status: int) -> None:
+    headers = {
+        "Upgrade": "websocket",
+        "Host": "lab.example",  # a proxy's $host, without the port
+        "Origin": "http://lab.example:8080",
+        "X-Forwarded-Host": forwarded,
+    }
+    assert knock("/secret/socket", **headers) == status
+
+
+def test_a_request_for_the_websocket_is_told_why_there_is_none() -> None:
+    response = answered("/secret/socket")
+    assert response and response.status_code == 426
+    assert b"X-Forwarded-Host" in response.body and b"--origin" in response.body
+
+
+def test_the_address_without_its_last_slash_leads_to_the_page_below_any_path() -> None:
+    response = answered("/secret")
+    assert response and response.status_code == 307
+    location = response.headers["Location"]
+    public = "https://example.org/disk/secret"
+    assert urljoin(public, location) == f"{public}/"
+
+
+@pytest.mark.parametrize("address", ["example.org", "ftp://a", "http://", "http://a?b"])
+def test_an_origin_that_is_no_address_is_refused(address: str) -> None:
+    with pytest.raises(InputError, match="--origin"):
+        split_origin(address)
+
+
+def test_an_origin_may_have_a_path() -> None:
+    assert split_origin("https://A.org/disk/") == ("https://a.org", "/disk")
 
 
 def test_the_page_s_own_files_are_served_and_no_others() -> None:
@@ -153,14 +205,12 @@ def test_the_page_s_own_files_are_served_and_no_others() -> None:
     )
     for name in names | {one.name for one in WEB.glob("*.js")}:
         assert knock(f"/secret/{name}") == 200
-    assert knock("/secret") == 307
     for name in (
         "drawing.py",
         "../cli.py",
         "%2e%2e/cli.py",
         "a" * 4000 + ".js",
         "9" * 4000,
-        "socket",
         "./page.js",
     ):
         assert knock(f"/secret/{name}") == 404
@@ -403,18 +453,49 @@ def test_a_curve_is_collected_by_itself_and_stops_when_asked(session: Session) -
     assert panel(session)["results"] == []
 
 
-@pytest.mark.validate
-def test_the_colour_scale_grows_and_is_taken_anew_when_asked(session: Session) -> None:
+def test_the_colour_scale_is_known_before_the_throw_and_doubles_at_most(
+    session: Session,
+) -> None:
+    scales = session.scales
+    before = scales.colour
     say(session, "press", key="space")
-    grown = []
+    largest = 0.0
     while not session.sandbox.paused:
         session.advance()
-        grown.append(session.scales.colour)
-    assert (np.diff(grown) >= 0.0).all() and grown[-1] > grown[0]
+        assert scales.colour == before and not scales.note
+        shown = session.sandbox.time.display
+        values = colour_values(
+            "shear",
+            session._triangles,
+            shown.segment.scenario.model.springs,
+            shown.x,
+            shown.v,
+        )
+        largest = max(largest, full_scale(values.astype(float), "shear"))
+    assert 0.5 < before / largest < 2.0
     say(session, "rescale")
-    for _ in range(5):
-        session.advance()
-    assert session.scales.colour < grown[-1]
+    assert scales.colour < before  # the disk vibrates
+    say(session, "press", key="h")
+    assert scales.colour == before
+
+
+def test_a_scale_grows_by_twos_with_a_note_and_not_from_rounding_errors(
+    session: Session,
+) -> None:
+    scales = session.scales
+    before = scales.colour
+    disk = np.full(120, 1.4 * before)
+    nothing = np.zeros((0, 3))
+    scales.update(disk, nothing)
+    assert scales.colour == before and not scales.note
+    scales.update(4.0 * disk, nothing)
+    assert scales.colour == 4.0 * before and f"{4.0 * before:g}" in scales.note
+    scales.rescale()
+    scales.update(1e-9 * disk, nothing)
+    assert scales.colour == before and not scales.note
+    scales.rescale()
+    scales.update(1e-3 * disk, nothing)
+    assert 1e-3 < scales.colour / before < 2e-3
 
 
 # ---- visitors
@@ -690,7 +771,7 @@ def test_every_control_of_the_page_does_what_it_says(
         " one.textContent)"
     )
     assert len(entries) >= 21 and all(len(one) > 30 for one in entries)
-    browser.script("document.querySelectorAll('#entries button')[7].click()")
+    browser.script("document.querySelectorAll('#entries button')[17].click()")
     assert browser.wait(lambda: "flattens" in browser.text("sentence"), 60.0)
     browser.wait(
         lambda: (
@@ -764,7 +845,7 @@ def test_graphs_show_energies_below_0_and_no_noise(
     )
     low, middle, _ = ends("energy")
     assert lowest < 0.0 and middle == "0" and float(low.replace("\u2212", "-")) < lowest
-    browser.script("window.sandbox.send({ do: 'play', number: 7 })")
+    browser.script("window.sandbox.send({ do: 'play', number: 17 })")
     browser.wait(lambda: browser.text("drop") == "Load")
     browser.wait(lambda: ends("motion", "right")[0] == "0")  # a compression of zero
     assert float(ends("motion", "right")[2]) > 1e-3
@@ -909,3 +990,19 @@ def test_anything_that_a_user_does_leaves_the_page_alive(
     assert browser.wait(lambda: browser.state("number") > number, 60.0)
     assert browser.errors() == []
     ended(program, signal.SIGINT)
+
+
+@pytest.mark.validate
+def test_a_failure_to_draw_is_said_once_and_time_goes_on(
+    served: tuple[subprocess.Popen[str], str], browser: Browser
+) -> None:
+    program, url = served
+    browser.open(url)
+    browser.script(
+        "window.sandbox.drawing.draw = () => { throw new Error('no colours') }"
+    )
+    browser.click("drop")
+    browser.wait(lambda: browser.state("t") > 1.0, 10.0)
+    assert browser.text("fault") == "The picture cannot be drawn: no colours"
+    assert browser.script("return document.getElementById('fault').checkVisibility()")
+    ended(program)

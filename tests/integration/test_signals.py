@@ -20,7 +20,6 @@ from taichi_disk.signals import (
     REPEAT_TIME,
     deferred_interrupts,
     ignored_by_children,
-    interruptible,
     raise_if_interrupted,
 )
 
@@ -159,25 +158,15 @@ def test_ctrl_c_is_raised_at_a_check_or_at_the_end_and_a_second_one_at_once():
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_ctrl_c_does_not_wait_for_the_end_of_a_long_call():
-    began = time.monotonic()
-    with pytest.raises(KeyboardInterrupt), deferred_interrupts():
-        interruptible(lambda: [signal.raise_signal(signal.SIGINT), time.sleep(20.0)])
-    assert time.monotonic() - began < 2.0
-    assert interruptible(divmod, 7, 2) == (3, 1)
-    with pytest.raises(ZeroDivisionError):
-        interruptible(divmod, 1, 0)
-
-
 @pytest.mark.validate
 @pytest.mark.parametrize("after", [5.0, 12.0, 20.0])
-def test_ctrl_c_ends_the_building_of_a_large_lattice_within_two_seconds(
-    tmp_path, after
-):
+def test_a_second_ctrl_c_ends_the_building_of_a_large_lattice_at_once(tmp_path, after):
     process = subprocess.Popen(
         [*COMMAND, "--set=lattice.points=1000000", "--out", str(tmp_path / "out")]
     )
     time.sleep(after)
+    process.send_signal(signal.SIGINT)
+    time.sleep(2.0 * REPEAT_TIME)
     began = time.monotonic()
     process.send_signal(signal.SIGINT)
     assert process.wait(60) == INTERRUPTED and time.monotonic() - began < 2.0
@@ -213,16 +202,16 @@ def test_a_second_signal_ends_a_command_at_once_but_two_together_are_one():
     assert child.wait(timeout=10) == INTERRUPTED
 
 
-def test_one_signal_ends_a_command_that_waits_for_its_scene(tmp_path):
+def test_a_second_signal_ends_a_command_that_waits_for_its_scene(tmp_path):
     os.mkfifo(tmp_path / "scene")
     command = [sys.executable, "-m", "taichi_disk", "check", "scene"]
     waiting = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
     with (tmp_path / "scene").open("w"):  # waits for the reader
-        waiting.send_signal(signal.SIGTERM)
-        assert (
-            waiting.communicate(timeout=10) == (None, "interrupted\n")
-            and waiting.returncode == INTERRUPTED
-        )
+        for _ in range(2):
+            waiting.send_signal(signal.SIGTERM)
+            time.sleep(2.0 * REPEAT_TIME)
+        assert waiting.communicate(timeout=10) == (None, "")
+        assert waiting.returncode == INTERRUPTED
 
 
 @pytest.mark.validate

@@ -24,7 +24,7 @@ import pytest
 from taichi_disk import Lattice, engine, load_scene, load_sweep, run, run_sweep
 from taichi_disk.cli import main
 from taichi_disk.errors import InputError, SimulationError
-from taichi_disk.sweep import executors
+from taichi_disk.sweep import cluster, executors, work
 from taichi_disk.sweep.sweep import SweepResult
 
 SMALL = """
@@ -180,6 +180,48 @@ def test_failed_points_are_listed_and_tried_again_and_do_not_stop_the_others(
     assert swept(ONE + axes + "\n", tmp_path / "out").summary["computed_now"] == 1
 
 
+@pytest.mark.parametrize(
+    "error", [ZeroDivisionError("a\nb"), MemoryError(), KeyError()]
+)
+def test_an_unexpected_error_at_one_point_does_not_stop_the_others(
+    error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compute = work.outcome_of
+
+    def sometimes(scene: Any, **options: Any) -> Any:
+        if scene.impact.velocity == 0.05:
+            raise error
+        return compute(scene, **options)
+
+    monkeypatch.setattr(work, "outcome_of", sometimes)
+    result = swept(ONE + "sweep: {velocity: [0.05, 0.1]}\n", tmp_path / "out")
+    assert [row["status"] for row in result.rows] == ["failed", "done"]
+    reasons = {
+        "ZeroDivisionError": "unexpected ZeroDivisionError: a b",
+        "MemoryError": "not enough memory",
+        "KeyError": "unexpected KeyError: ",
+    }
+    assert result.failed[0]["reason"] == reasons[type(error).__name__]
+    monkeypatch.setattr(work, "outcome_of", compute)
+    again = swept(ONE + "sweep: {velocity: [0.05, 0.1]}\n", tmp_path / "out")
+    assert again.summary["computed_now"] == 1 and not again.failed
+
+
+def test_a_number_that_is_not_finite_is_a_failure_whichever_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compute = work.outcome_of
+
+    def unbalanced(scene: Any, **options: Any) -> Any:
+        outcome = compute(scene, **options)
+        outcome.summary["energy"]["closing_imbalance"] = float("nan")
+        return outcome
+
+    monkeypatch.setattr(work, "outcome_of", unbalanced)
+    (row,) = swept(ONE + "sweep: {velocity: [0.05]}\n", tmp_path / "out").rows
+    assert row["reason"] == "energy_imbalance is not a finite number"
+
+
 def test_errors_are_estimated_on_request(small: SweepResult, tmp_path: Path) -> None:
     sweep = SMALL, tmp_path / "out", "sweep.velocity=[0.02, 0.05]", "sweep.seed=[3]"
     shutil.copytree(small.out, tmp_path / "out")
@@ -195,14 +237,22 @@ def test_errors_are_estimated_on_request(small: SweepResult, tmp_path: Path) -> 
     assert swept(*sweep).summary["computed_now"] == 0
 
 
-def test_points_of_another_version_of_the_program_are_computed_anew(
+def test_points_of_other_versions_are_computed_anew(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sweep = ONE + "sweep: {velocity: [0.05]}", tmp_path / "out"
     assert [swept(*sweep).summary["computed_now"] for _ in range(2)] == [1, 0]
-    monkeypatch.setattr(sys.modules[run_sweep.__module__], "__version__", "0.0.1")
-    assert [swept(*sweep).summary["computed_now"] for _ in range(2)] == [1, 0]
-    assert len(points(tmp_path / "out")) == 2
+    here = executors.relevant_versions()
+    assert {"taichi-disk", engine.PACKAGE, "numpy", "scipy"} == here.keys()
+    for name in here:
+        older = here | {name: "0.0.1"}
+        monkeypatch.setattr(
+            sys.modules[run_sweep.__module__],
+            "relevant_versions",
+            lambda older=older: older,
+        )
+        assert [swept(*sweep).summary["computed_now"] for _ in range(2)] == [1, 0]
+    assert len(points(tmp_path / "out")) == 5
 
 
 def test_a_lattice_file_is_read_again_if_it_has_changed(tmp_path: Path) -> None:
@@ -260,8 +310,33 @@ def test_a_row_of_a_strained_lattice_is_what_running_its_scene_gives_at_any_k_b(
 # ---- what is there already
 
 
+def put(name: str, value: Any) -> Callable[[str], str]:
+    """Return a function that changes one value of a record."""
+    return lambda text: json.dumps(json.loads(text) | {name: value})
+
+
 UNREADABLE: dict[str, Callable[[str], str]] = {
     "half written": lambda text: text[: len(text) // 2],
+    "a list": lambda text: f"[{text}]",
+    "a list of numbers": put("numbers", [1]),
+    "no numbers": put("numbers", None),
+    "a word": put("numbers", {"restitution": "high"}),
+    "another number": lambda text: text.replace(
+        '"restitution": 0.9', '"restitution": 0.8'
+    ),
+    "not a number": lambda text: text.replace(
+        '"restitution": 0.9', '"restitution": NaN, "e": 0.9'
+    ),
+    "a huge number": lambda text: text.replace('"steps": ', '"steps": 1' + "0" * 400),
+    "a longer number": lambda text: text.replace(
+        '"steps": ', '"steps": 1' + "0" * 9999
+    ),
+    "warnings are null": put("warnings", None),
+    "warnings are a number": put("warnings", 3),
+    "another status": put("status", "great"),
+    "another key": put("key", "0" * 20),
+    "another column": put("colour", "red"),
+    "no digest": lambda text: json.dumps(json.loads(text) | {"digest": None}),
     "another record": lambda text: '{"status": "done"}',
     "brackets": lambda text: "[" * 100_000,
     "not UTF-8": lambda text: "\udcff\udcfe",
@@ -392,40 +467,6 @@ def test_the_scene_of_a_point_is_written_again_if_missing_or_different(
     shutil.copy(scenes[2], scenes[1])
     assert swept(SMALL, tmp_path / "out").summary["computed_now"] == 0
     assert {path: path.read_bytes() for path in scenes} == expected
-
-
-def test_rows_of_different_versions_are_reported_once(
-    small: SweepResult, tmp_path: Path
-) -> None:
-    shutil.copytree(small.out, tmp_path / "out")
-    for path in points(tmp_path / "out")[:2]:
-        record = json.loads(path.read_bytes())
-        assert set(record["versions"]) == {
-            "python",
-            "taichi-disk",
-            engine.PACKAGE,
-            "numpy",
-            "scipy",
-        }
-        record["versions"] |= {"python": "2.7.18", "numpy": "1.6.0"}
-        path.write_text(json.dumps(record))
-    notices: list[str] = []
-    here = swept(SMALL, tmp_path / "out", say=notices.append).summary["versions"]
-    (notice,) = (text for text in notices if "versions" in text)
-    assert (
-        f"python 2.7.18 and {here['python']}, numpy 1.6.0 and {here['numpy']}:"
-        in notice
-        and "scipy" not in notice
-    )
-    notices.clear()
-    swept(
-        SMALL,
-        tmp_path / "other",
-        "sweep.eta_star=[0]",
-        "sweep.seed=[3]",
-        say=notices.append,
-    )
-    assert not [text for text in notices if "versions" in text]
 
 
 def test_one_lattice_has_no_scatter(small: SweepResult, tmp_path: Path) -> None:
@@ -559,7 +600,7 @@ def test_without_a_scheduler_the_error_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr(executors, "CONNECT_TIMEOUT", 0.3)
+    monkeypatch.setattr(cluster, "CONNECT_TIMEOUT", 0.3)
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         with pytest.raises(InputError, match="no Dask scheduler answers at"):
             run_sweep(load_sweep(SMALL), tmp_path / "out", scheduler=address)
@@ -573,7 +614,7 @@ def test_an_address_without_a_scheduler_is_refused_soon(
     says: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr(executors, "CONNECT_TIMEOUT", 0.3)
+    monkeypatch.setattr(cluster, "CONNECT_TIMEOUT", 0.3)
 
     def answer(connection: socket.socket) -> None:
         with suppress(OSError):

@@ -57,9 +57,14 @@ def command(scene: Path, out: Path, *options: str) -> list[str]:
     ]
 
 
-def started(*arguments: object) -> subprocess.Popen[bytes]:
+def started(
+    *arguments: object, environment: dict[str, str] | None = None
+) -> subprocess.Popen[bytes]:
     return subprocess.Popen(
-        [*map(str, arguments)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        [*map(str, arguments)],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env=environment,
     )
 
 
@@ -95,12 +100,11 @@ def children(process: subprocess.Popen[bytes]) -> list[int]:
 
 
 def workers(process: subprocess.Popen[bytes]) -> list[int]:
-    """Return the child processes that compute, without the one that tracks
-    semaphores."""
+    """Return the child processes that compute."""
     return [
         pid
         for pid in children(process)
-        if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
+        if b"worker.py" in Path(f"/proc/{pid}/cmdline").read_bytes()
     ]
 
 
@@ -216,6 +220,17 @@ def test_workers_leave_their_kernels_to_the_next_sweep(
     assert sum(path.is_file() for path in cache.rglob("*")) > 3
 
 
+def test_a_script_needs_no_guard_not_even_from_standard_input(
+    scene: Path, expected: bytes, tmp_path: Path
+) -> None:
+    script = (
+        "from taichi_disk import load_sweep, run_sweep\n"
+        f"run_sweep(load_sweep({str(scene)!r}), {str(tmp_path / 'out')!r}, jobs=2)\n"
+    )
+    subprocess.run([sys.executable, "-"], input=script, text=True, check=True)
+    assert (tmp_path / "out" / "points.csv").read_bytes() == expected
+
+
 # ---- Dask
 
 
@@ -239,15 +254,37 @@ class Cluster:
             "no scheduler",
         )
         self.address: str = json.loads(file.read_text())["address"]
+        self.scheduler = self.processes[0]
         self.workers = [self.add_worker() for _ in range(2)]
 
-    def add_worker(self) -> subprocess.Popen[bytes]:
-        options = ("--nthreads", "1", "--no-nanny", "--local-directory", self.folder)
-        return self.begin("distributed.cli.dask_worker", self.address, *options)
+    def add_worker(
+        self, threads: int = 1, python_path: Path | None = None
+    ) -> subprocess.Popen[bytes]:
+        options = ("--no-nanny", "--local-directory", self.folder)
+        return self.begin(
+            "distributed.cli.dask_worker",
+            self.address,
+            "--nthreads",
+            threads,
+            *options,
+            python_path=python_path,
+        )
 
-    def begin(self, module: str, *options: object) -> subprocess.Popen[bytes]:
+    def begin(
+        self, module: str, *options: object, python_path: Path | None = None
+    ) -> subprocess.Popen[bytes]:
+        environment = dict(os.environ)
+        if python_path is not None:
+            environment["PYTHONPATH"] = str(python_path)
         self.processes.append(
-            started(sys.executable, "-m", module, *options, "--no-dashboard")
+            started(
+                sys.executable,
+                "-m",
+                module,
+                *options,
+                "--no-dashboard",
+                environment=environment,
+            )
         )
         return self.processes[-1]
 
@@ -284,3 +321,84 @@ def test_a_killed_dask_worker_and_a_killed_client(
     cluster.add_worker()
     assert finish(scene, out, "--scheduler", cluster.address) == POINTS - done
     assert (out / "points.csv").read_bytes() == expected
+
+
+def test_a_dask_worker_without_the_package_is_named(
+    cluster: Cluster, scene: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "sitecustomize.py").write_text(
+        "import sys\nsys.modules['taichi_disk'] = None\n"
+    )
+    for worker in cluster.workers:
+        kill(worker)
+    cluster.add_worker(python_path=tmp_path)
+    done = subprocess.run(
+        command(scene, tmp_path / "out", "--scheduler", cluster.address),
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+    )
+    last = done.stderr.splitlines()[-1]
+    assert (done.returncode, last) == (
+        2,
+        "error: a worker cannot import taichi_disk: install the same packages"
+        " everywhere",
+    )
+
+
+def test_a_dask_worker_with_several_threads_gives_the_same_bytes(
+    cluster: Cluster, scene: Path, expected: bytes, tmp_path: Path
+) -> None:
+    for worker in cluster.workers:
+        kill(worker)
+    cluster.add_worker(threads=4)
+    assert finish(scene, tmp_path / "out", "--scheduler", cluster.address) == POINTS
+    assert (tmp_path / "out" / "points.csv").read_bytes() == expected
+
+
+def test_a_sweep_without_workers_waits_and_says_so_again(
+    cluster: Cluster, scene: Path, expected: bytes, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    script = (
+        "import sys; from taichi_disk.cli import main\n"
+        "from taichi_disk.sweep import executors; executors.SILENCE = 1.0\n"
+        "sys.exit(main(sys.argv[1:]))\n"
+    )
+    arguments = command(scene, out, "--scheduler", cluster.address)[3:]
+    with (tmp_path / "notes").open("w") as notes:
+        process = subprocess.Popen(
+            [sys.executable, "-c", script, *arguments],
+            stdout=subprocess.DEVNULL,
+            stderr=notes,
+        )
+    wait_until(lambda: count(out) > 0, "no point is done")
+    for worker in cluster.workers:
+        kill(worker)
+    text = f"waiting: the scheduler at {cluster.address} has no workers"
+    wait_until(
+        lambda: (tmp_path / "notes").read_text().count(text) > 1, "no second note"
+    )
+    cluster.add_worker()
+    assert process.wait(PATIENCE) == 0
+    assert (out / "points.csv").read_bytes() == expected
+
+
+def test_a_scheduler_that_goes_ends_the_sweep_in_one_line(
+    cluster: Cluster, scene: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    process = subprocess.Popen(
+        command(scene, out, "--scheduler", cluster.address),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    wait_until(lambda: count(out) > 0, "no point is done")
+    kill(cluster.scheduler)
+    lines = process.communicate(timeout=PATIENCE)[1].splitlines()
+    assert process.returncode == 1
+    assert [line for line in lines if not line.startswith("note: ")] == [
+        f"error: the Dask scheduler at {cluster.address} has gone; finished points are"
+        " kept: start a scheduler and workers, and repeat the command to go on"
+    ]

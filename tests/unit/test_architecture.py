@@ -63,7 +63,7 @@ def test_files_and_the_top_folder_stay_small():
     files = (ROOT / "taichi_disk").rglob("*.py")
     large = {str(path): content(path) for path in files if content(path) > MAX_CONTENT}
     assert large == {}
-    assert len(list((ROOT / "taichi_disk").glob("*.py"))) <= 10
+    assert len(list((ROOT / "taichi_disk").glob("*.py"))) <= 11
 
 
 def test_every_package_is_in_an_installation():

@@ -66,7 +66,7 @@ def faults(path: Path, text: str | bytes, *overrides: str) -> list[str]:
         ("wall: {points: 4}\n", "2:8: wall.points: belongs to scene: absorbing_wall, not to scene: exponential_wall"),
         ("lattice: {points: -5}\n", "2:19: " + POINTS.format("-5")),
         ("lattice: {rim: yes}\n", "2:16: lattice.rim: must be true or false, not yes (evenly spaced points on the circle; false: random points only)"),
-        ("lattice: {file: 3}\n", "2:17: lattice.file: must be none or the name of a file, not 3 (.csv or .npz file with custom points instead of random ones; relative to the scene file)"),
+        ("lattice: {file: 3}\n", "2:17: lattice.file: must be none or the name of a file, not 3 (table, .npz file or mesh with custom points instead of random ones; relative to the scene file)"),
         ("material:\n  k_a: .nan\n", "3:8: " + K_A.format(".nan")),
         ("material:\n  k_a:\n", "3:7: " + K_A.format("nothing")),
         # The bounds in the message are the bounds that are checked: 1e-308 is above 0,
@@ -273,7 +273,7 @@ def test_a_missing_file_is_answered_with_the_nearest_name(tmp_path: Path) -> Non
 
 def test_a_path_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").touch()
-    with pytest.raises(InputError, match=r": cannot be read: Is a directory$"):
+    with pytest.raises(InputError, match=r": is a folder, not a file$"):
         load_scene(tmp_path)
     for source in (
         "a\0b",

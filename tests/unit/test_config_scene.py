@@ -360,3 +360,42 @@ def test_the_shipped_scenes_are_the_defaults_written_out() -> None:
     assert [
         len(load_sweep(name).scenes) for name in ("figure2", "figure3", "figure6")
     ] == [225, 576, 288]
+
+
+SPACES = "d\u00a0i\u202fs\u3000k\u200d\u2028"
+
+
+@pytest.mark.parametrize("name", [SPACES, "\U000e0041é", "caf\udce9"], ids=ascii)
+def test_a_file_name_may_have_any_character_but_control_characters(
+    tmp_path: Path, name: str
+) -> None:
+    folder = tmp_path / name
+    try:
+        folder.mkdir()
+    except (OSError, UnicodeError):
+        pytest.skip("the file system does not take this name")
+    (folder / "scene.yaml").write_text(
+        "scene: exponential_wall\nlattice: {file: disk.csv}\n", encoding="utf-8"
+    )
+    scene = load_scene(folder / "scene.yaml")
+    assert scene.lattice.file == str(folder / "disk.csv")
+    changed = scene.with_(velocity=0.03)
+    assert changed.lattice == scene.lattice
+    printed = changed.to_yaml()
+    assert all(one.isprintable() for one in printed if one not in "\n\U000e0041")
+    assert load_scene(printed) == changed
+    if name == SPACES:
+        override = f"lattice.file={folder / name[:-1]}.csv"
+        found = load_scene("exponential_wall", [override])
+        assert found.lattice.file == f"{folder / name[:-1]}.csv"
+    with pytest.raises(InputError, match="must be none or the name of a file"):
+        load_scene({"scene": "exponential_wall", "lattice": {"file": "a\x85.csv"}})
+
+
+def test_the_minus_sign_of_typography_is_a_minus_sign() -> None:
+    text = "scene: exponential_wall\nimpact: {angle: \u22120.3, velocity: 2e\u22122}\n"
+    scene = load_scene(text)
+    assert (scene.impact.angle, scene.impact.velocity) == (-0.3, 0.02)
+    assert scene == load_scene(text.replace("\u2212", "-"))
+    turned = load_scene(text, ["impact.spin=\u22121"])
+    assert turned.impact.spin == -1.0

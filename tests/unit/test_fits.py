@@ -8,10 +8,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex, to_rgb
 
 from docs.experiments.quasistatic import quasistatic_impact
 from taichi_disk.figures import theory
-from taichi_disk.figures.curves import analyse, draw
+from taichi_disk.figures.curves import (
+    FITS,
+    Curve,
+    analyse,
+    curve_rows,
+    curve_styles,
+    curves_figure,
+    draw,
+)
 from taichi_disk.scenes import load_scene
 from taichi_disk.scenes.compression import paper_compression
 
@@ -38,6 +47,16 @@ def test_a_planted_b_comes_back_and_each_lattice_has_its_own() -> None:
     ] == pytest.approx(list(b), rel=1e-6)
     low, high = fit.intervals["b"]
     assert 0.9 <= low < fit.values["b"] < high <= 2.4
+
+
+def test_b_is_never_negative_and_is_0_only_if_the_disk_yields_hardly_at_all() -> None:
+    law = paper_compression(P, 1.1, 0.29, 0.9)
+    soft = theory.fit_b(P, np.stack([0.5 * law, 0.7 * law]), 1.1, 0.29)
+    assert 0.3 < soft.values["b_min"] < soft.values["b"] < soft.values["b_max"] < 0.7
+    with np.errstate(all="ignore"):  # (2) has no value at b = 0
+        hard = theory.fit_b(P, np.stack([0.1 * law, 0.12 * law]), 1.1, 0.29)
+    assert set(hard.values.values()) == {0.0}
+    assert hard.intervals["b"] == (0.0, 0.0)
 
 
 def test_a_planted_tau0_comes_back() -> None:
@@ -102,6 +121,84 @@ def test_the_table_of_eq_4_is_as_good_as_its_integral_at_any_stiffness(
     assert theory.fit_tau0(V, e, e_star).values["tau0"] == pytest.approx(
         0.3 * unit, rel=1e-4
     )
+
+
+def curve_up_to(speed: float, young: float) -> Curve:
+    x = np.linspace(0.1, 1.0, 12) * speed
+    results = {"restitution": np.ones((2, 12))}
+    return Curve({}, x, results, young, 0.3, is_damped=True)
+
+
+@pytest.mark.parametrize("young", [0.25, 1.0, 4.0])
+def test_the_limit_of_eq_4_is_a_speed_of_the_material_and_that_of_eq_5_of_the_paper(
+    young: float,
+) -> None:
+    # 2.2 sqrt(E/M) R, where eq. (4) crushes the disk
+    limit = 2.2 * young**0.5
+    assert FITS["eq4"].applies(curve_up_to(0.99 * limit, young))
+    assert not FITS["eq4"].applies(curve_up_to(1.01 * limit, young))
+    # 3.9 c, where the logarithm of eq. (5) changes its sign
+    assert FITS["eq5"].applies(curve_up_to(3.89, young))
+    assert not FITS["eq5"].applies(curve_up_to(3.91, young))
+
+
+@pytest.mark.parametrize(("misfit", "holds"), [(2.9, True), (3.1, False)])
+def test_a_law_does_not_hold_if_its_residuals_are_several_times_the_scatter(
+    misfit: float, holds: bool
+) -> None:
+    # Residuals that no law of two parameters takes up, and as much scatter as asked.
+    law = theory.paper_restitution(V, 1.0, 0.6)
+    zigzag = 1e-4 * (-1.0) ** np.arange(12)
+    rms = theory.fit_restitution(V, (law + zigzag)[None]).rms
+    assert 0.9e-4 < rms < 1e-4
+    scatter = rms / misfit * np.array([[-1.0], [1.0]]) / np.sqrt(2.0)
+    fit = theory.fit_restitution(V, law + zigzag + scatter)
+    assert fit.misfit == pytest.approx(misfit, rel=1e-3)
+    assert fit.holds is holds
+
+
+def test_one_lattice_does_not_tell_whether_a_law_holds() -> None:
+    fit = theory.fit_restitution(V, np.linspace(1.0, 0.5, 12)[None])
+    assert fit.rms > 1e-3 and np.isnan(fit.misfit) and fit.holds
+
+
+def test_print_and_figure_say_of_a_law_that_misses_the_points_that_it_does_not_hold(
+    tmp_path: Path,
+) -> None:
+    rows = thrown(0.0) + thrown(30.0)
+    for row in rows[len(rows) // 2 :]:
+        row["restitution"] += 0.05 * np.cos(300.0 * row["velocity"])
+    scene = load_scene("exponential_wall")
+    good, bad = analyse(scene, ["eta_star", "seed", "velocity"], rows)
+    assert good.fits["eq5"].holds and not bad.fits["eq5"].holds
+    text = "times the scatter: the law does not hold here"
+    (_, holding), (_, missing) = curve_rows([good.summary(), bad.summary()])
+    assert text not in dict(holding)["eq. (5)"] and text in dict(missing)["eq. (5)"]
+    ratio = f"{bad.fits['eq5'].misfit:.0f} times"
+    assert ratio in dict(missing)["eq. (5)"]
+    (axes,) = curves_figure(scene, [good, bad]).axes
+    styles = {}
+    for line in axes.get_lines():
+        if len(line.get_xdata()) == 80:
+            styles[to_hex(line.get_color())] = line.is_dashed()
+    assert list(styles.values()) == [False, True]
+    _, legend = axes.get_legend_handles_labels()
+    assert "eq. (5), d₁ and d₂ fitted" in legend
+    assert f"eq. (5) fails: {bad.fits['eq5'].misfit:.0f} × bars" in legend
+
+
+def contrast_to_white(colour: Any) -> float:
+    """Contrast of the Web Content Accessibility Guidelines 2.1."""
+    rgb = np.array(to_rgb(colour))
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    return 1.05 / (linear @ [0.2126, 0.7152, 0.0722] + 0.05)
+
+
+@pytest.mark.parametrize("count", [1, 2, 6, 12])
+def test_curves_are_seen_on_white_and_grow_lighter_in_their_order(count: int) -> None:
+    contrasts = [contrast_to_white(one["color"]) for one in curve_styles(count)]
+    assert contrasts == sorted(contrasts, reverse=True) and min(contrasts) >= 3.0
+    assert len(set(contrasts)) == count
 
 
 def pressed(lattices: list[tuple[int, float, float]]) -> list[dict[str, Any]]:

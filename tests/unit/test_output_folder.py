@@ -3,6 +3,7 @@ never lost."""
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import subprocess
@@ -13,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from taichi_disk.errors import InputError, SimulationError
+from taichi_disk.output.files import check_pictures
 from taichi_disk.output.run_folder import run_folder
 
 SCENE = (
@@ -93,7 +95,7 @@ def test_a_default_name_counts_on_past_other_runs_and_says_so(tmp_path):
     notices = []
     for k, scene in enumerate((SCENE, OTHER, OTHER.replace("200", "300"), OTHER)):
         compute(
-            tmp_path / "run", scene, explicit=False, mark=str(k), notify=notices.append
+            tmp_path / "run", scene, explicit=False, mark=str(k), say=notices.append
         )
     marks = {
         name: text
@@ -174,15 +176,10 @@ def test_a_folder_that_cannot_be_renamed_is_refused_with_advice_and_an_empty_one
     tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
-    for out in (".", "../" + tmp_path.name, tmp_path.parent, "/proc"):
-        what = (
-            "the mount point of a file system"
-            if out == "/proc"
-            else "the current folder"
-        )
+    for out in (".", "../" + tmp_path.name, tmp_path.parent):
         with pytest.raises(
             InputError,
-            match=f"is {what}, which no run can replace: name a folder in it as `out`",
+            match=r"is the current folder, which no run can replace: name a folder in",
         ):
             compute(out)
     assert list(tmp_path.iterdir()) == []
@@ -248,7 +245,7 @@ def test_a_run_without_end_never_replaces_a_finished_one(tmp_path, status, expli
             status=status,
             explicit=explicit,
             mark=mark,
-            notify=notices.append,
+            say=notices.append,
         )
         assert out == tmp_path / f"run-{status}"
     marks = {
@@ -296,7 +293,7 @@ def test_a_file_that_comes_while_the_run_computes_stays_and_the_run_is_not_lost(
 ):
     notices = []
     with run_folder(
-        tmp_path / "run", SCENE, explicit=True, notify=notices.append
+        tmp_path / "run", SCENE, explicit=True, say=notices.append
     ) as folder:
         (folder.path / "summary.json").write_text('{"status": "done"}')
         (tmp_path / "run").mkdir()
@@ -330,11 +327,13 @@ KILLED = """
 import os, shutil, sys
 from pathlib import Path
 from taichi_disk.output import files
+from taichi_disk.output.files import check_pictures
 from taichi_disk.output.run_folder import run_folder
 moves = []
 def counted(move):
     def moved(old, *new, **options):
-        if Path(old).parent == Path(sys.argv[1]).parent and Path(old).exists():
+        is_trial = new and Path(new[0]).exists()  # whether a folder can be renamed
+        if Path(old).parent == Path(sys.argv[1]).parent and Path(old).exists() and not is_trial:
             if len(moves) == int(sys.argv[3]):
                 print("ready", flush=True)
                 sys.stdin.read()
@@ -377,6 +376,60 @@ def test_a_run_that_is_killed_leaves_the_old_or_the_new_one_whole_and_the_next_p
     compute(out, mark="next")
     assert set(content(out)) == {*RUN, "render.mp4"}
     assert [name for name in os.listdir(tmp_path) if ".new." not in name] == ["run"]
+
+
+@pytest.mark.parametrize("code", [errno.EXDEV, errno.EBUSY])
+@pytest.mark.parametrize("explicit", [False, True])
+def test_what_cannot_be_renamed_is_known_before_the_computation(
+    tmp_path, monkeypatch, code, explicit
+):
+    # A mount point is busy, and an overlay does not rename folders of a lower layer.
+    compute(tmp_path / "run", mark="old")
+    rename = os.rename
+
+    def refuse(old, new):
+        if Path(old) == tmp_path / "run":
+            raise OSError(code, os.strerror(code))
+        rename(old, new)
+
+    monkeypatch.setattr(os, "rename", refuse)
+    before = content(tmp_path)
+    notices = []
+    if explicit:
+        with (
+            pytest.raises(InputError, match=r"run cannot be renamed \(.*\); choose"),
+            run_folder(tmp_path / "run", SCENE, True),
+        ):
+            pytest.fail("it computes")
+        assert content(tmp_path) == before
+    else:
+        with run_folder(tmp_path / "run", SCENE, False, say=notices.append) as folder:
+            assert folder.out == tmp_path / "run-2"
+            (folder.path / "summary.json").write_text('{"status": "done"}')
+        assert set(os.listdir(tmp_path)) == {"run", "run-2"}
+        assert len(notices) == 1 and "this run goes into" in notices[0]
+
+
+LITTER = (
+    "Thumbs.db",
+    "desktop.ini",
+    "._plot.png",
+    ".nfs000000001",
+    ".directory",
+    "@eaDir",
+    ".~lock.timeseries.csv#",
+    ".DS_Store",
+)
+
+
+@pytest.mark.parametrize("name", LITTER)
+def test_the_litter_of_file_systems_is_no_file_of_a_person(tmp_path, name):
+    out = compute(tmp_path / "run", files=("frames/00001.png",), mark="old")
+    (out / name).write_text("x")
+    (out / "frames" / name).write_text("x")
+    assert compute(out, mark="new") == out
+    assert content(out)["plot.png"] == "new"
+    check_pictures(out / "frames")
 
 
 @pytest.mark.parametrize(

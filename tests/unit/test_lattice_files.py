@@ -1,0 +1,152 @@
+"""Lattices that a run stored: what the file holds is checked as what a user gives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bodies import ELASTIC, disk_and_wall
+
+from taichi_disk import runtime
+from taichi_disk.errors import InputError
+from taichi_disk.integrators import INTEGRATORS
+from taichi_disk.lattice import Lattice, read_lattice
+from taichi_disk.lattice.own_start import OwnStart, digest_of, own_start
+from taichi_disk.physics import Model, Springs
+from taichi_disk.scenes import load_scene
+from taichi_disk.simulation.simulation import Simulation
+
+DISK = Lattice.disk(60, seed=3, core_radius=0.5, core_density=2.0, core_stiffness=2.0)
+STORED = {
+    "unloaded": DISK.positions,
+    "bonds": DISK.bonds,
+    "rest_lengths": DISK.rest_lengths,
+    "masses": DISK.masses,
+    "stiffness": DISK.stiffness,
+    "triangles": DISK.triangles,
+    "disk_surface": DISK.disk_surface,
+    "origin": "mine",
+}
+
+
+def changed(array, row, value):
+    copy = array.copy()
+    copy[row] = value
+    return copy
+
+
+def store(path, **changes):
+    arrays = {**STORED, **changes}
+    present = {name: array for name, array in arrays.items() if array is not None}
+    np.savez(path, **present)
+    return path
+
+
+def test_a_stored_lattice_is_restored_bit_for_bit(tmp_path):
+    disk = read_lattice(store(tmp_path / "a.npz"))
+    assert disk.origin == "mine" and disk.notes == ()
+    for name in ("positions", *(set(STORED) - {"unloaded", "origin"})):
+        assert getattr(disk, name).tobytes() == getattr(DISK, name).tobytes()
+
+
+INNER = int(np.setdiff1d(np.arange(60), DISK.disk_surface)[0])
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"disk_surface": np.tile(DISK.disk_surface, 1000)}, "each of them once"),
+        ({"disk_surface": DISK.disk_surface[:0]}, "must be the outline"),
+        ({"disk_surface": DISK.disk_surface[1:]}, "must be the outline"),
+        ({"disk_surface": DISK.disk_surface[::-1]}, "must be the outline"),
+        ({"disk_surface": changed(DISK.disk_surface, 2, INNER)}, "must be the outline"),
+        ({"disk_surface": None}, "has no array disk_surface"),
+        ({"unloaded": DISK.positions * 1e-6}, "the points extend over"),
+        ({"unloaded": DISK.positions + [50.0, 0.0]}, "mean lies at x = 5"),
+        ({"unloaded": changed(DISK.positions, 5, DISK.positions[6])}, "5 and 6 are the"),
+        ({"unloaded": DISK.positions[:1]}, "3 to 2000000 points, not 1"),
+        ({"unloaded": np.array("a")}, "array of real numbers"),
+        ({"bonds": DISK.bonds.ravel()}, "bonds must have the shape (any, 2)"),
+        (
+            {"bonds": DISK.bonds[:50], "rest_lengths": DISK.rest_lengths[:50]},
+            "stiffness must have the shape (50,)",
+        ),
+        (
+            {
+                "bonds": DISK.bonds[:50],
+                "rest_lengths": DISK.rest_lengths[:50],
+                "stiffness": None,
+            },
+            "has a side that is no spring",
+        ),
+        ({"rest_lengths": 1e4 * DISK.rest_lengths}, "rest_lengths[0]"),
+        ({"stiffness": 1e20 * DISK.stiffness}, "stiffness[0]"),
+        ({"masses": changed(DISK.masses, 5, 1e-300)}, "masses of the disk must add up"),
+        ({"triangles": DISK.triangles[:, ::-1]}, "must be counter-clockwise"),
+        ({"triangles": DISK.triangles[:0]}, "there are no triangles"),
+        ({"triangles": DISK.triangles[:7]}, "do not form one connected piece"),
+    ],
+)  # fmt: skip
+def test_a_stored_lattice_is_checked_as_what_a_user_gives(tmp_path, changes, message):
+    path = store(tmp_path / "a.npz", **changes)
+    with pytest.raises(InputError) as refusal:
+        read_lattice(path)
+    text = str(refusal.value)
+    assert text.startswith(f"lattice.file: {path}: ") and message in text
+
+
+def test_a_lattice_from_python_is_checked_like_a_stored_one():
+    section = load_scene("exponential_wall").lattice
+    assert own_start(section, DISK, None).disk is DISK
+    arrays = {name: getattr(DISK, name) for name in DISK.__dataclass_fields__}
+    arrays["positions"] = 1e-6 * DISK.positions
+    with pytest.raises(InputError, match="extend over"):
+        own_start(section, Lattice(**arrays), None)
+
+
+@pytest.mark.parametrize("points", [3, 5, 20])
+def test_any_random_disk_may_be_given_as_a_lattice(points):
+    section = load_scene("exponential_wall").lattice
+    for seed in range(20):
+        disk = Lattice.disk(points, seed, rim=False, min_spacing=0.0)
+        if max(np.ptp(disk.positions, axis=0)) > 1.0:
+            assert own_start(section, disk, None).disk is disk
+
+
+def test_the_digest_covers_every_array_that_is_read():
+    arrays = {name: getattr(DISK, name) for name in DISK.__dataclass_fields__}
+    digests = {OwnStart(DISK).digest, OwnStart(DISK, np.zeros((60, 2))).digest}
+    others = {
+        "positions": 2.0 * DISK.positions,
+        "bonds": changed(DISK.bonds, -2, [57, 58]),
+        "rest_lengths": 2.0 * DISK.rest_lengths,
+        "masses": DISK.masses[::-1],
+        "stiffness": 2.0 * DISK.stiffness,
+        "triangles": np.roll(DISK.triangles, 1, axis=1),
+        "disk_surface": np.roll(DISK.disk_surface, 1),
+    }
+    for name, array in others.items():
+        digests.add(OwnStart(Lattice(**{**arrays, name: array})).digest)
+    assert len(digests) == 2 + len(others)
+    assert OwnStart().digest == ""
+
+
+def test_the_digest_tells_arrays_of_the_same_bytes_apart():
+    zeros = np.zeros(4)
+    digests = {
+        digest_of({"a": zeros}),
+        digest_of({"b": zeros}),
+        digest_of({"a": zeros.reshape(2, 2)}),
+        digest_of({"a": zeros.view(np.int64)}),
+    }
+    assert len(digests) == 4
+
+
+def test_fields_are_never_written_beyond_their_ends():
+    lattice = disk_and_wall()
+    outline = np.tile(lattice.disk_surface, 1000)
+    object.__setattr__(lattice, "disk_surface", outline)
+    at_rest = np.zeros_like(lattice.positions)
+    model = Model(Springs(1.0, 1.0, 0.1), ELASTIC)
+    runtime.start()
+    with pytest.raises(ValueError, match="values do not fit into a field of"):
+        Simulation(lattice, model, INTEGRATORS["trapezoidal"], at_rest, 0.01)

@@ -1,0 +1,113 @@
+"""The processes of a sweep: what they import, what comes back, and how they end."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from concurrent.futures import BrokenExecutor
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+import taichi_disk
+from taichi_disk.sweep.pool import Pool
+
+
+@pytest.fixture
+def pool() -> Iterator[Pool]:
+    pool = Pool(1)
+    yield pool
+    pool.kill()
+
+
+# Modules that a Python process imports at its start, or that its first call imports.
+NAMES = [
+    "copy",
+    "io",
+    "os",
+    "pickle",
+    "queue",
+    "random",
+    "re",
+    "selectors",
+    "signal",
+    "socket",
+    "struct",
+    "subprocess",
+    "tempfile",
+    "threading",
+    "types",
+    "warnings",
+    "numpy",
+    "yaml",
+    "taichi",
+    "taichi_disk",
+]
+
+
+@pytest.mark.parametrize("is_on_path", [False, True])
+def test_no_file_of_the_working_folder_is_imported(
+    is_on_path: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in NAMES:
+        (tmp_path / f"{name}.py").write_text("open('imported', 'w')\nraise SystemExit")
+    (tmp_path / "mine.py").touch()
+    monkeypatch.chdir(tmp_path)
+    if is_on_path:  # as `python -m` has it; a package may be found only there
+        monkeypatch.setattr(sys, "path", ["", str(tmp_path), *sys.path])
+    pool = Pool(2)
+    found = {name: pool.submit(find_spec, name).result() for name in NAMES}
+    mine = pool.submit(find_spec, "mine").result()
+    pool.shutdown()
+    assert not (tmp_path / "imported").exists()
+    assert not [name for name in NAMES if str(tmp_path) in str(found[name].origin)]
+    assert found["taichi_disk"].origin == taichi_disk.__file__
+    assert (mine is not None) == is_on_path
+
+
+def test_values_and_errors_come_back_whatever_a_call_prints(pool: Pool) -> None:
+    prints = [pool.submit(print, "x" * 100_000), pool.submit(os.write, 1, b"\x80\x04")]
+    assert [future.result() for future in prints] == [None, 2]
+    with pytest.raises(ValueError, match="invalid literal"):
+        pool.submit(int, "x").result()
+    cannot_be_pickled = "class E(Exception): pass\nraise E('a reason')"
+    with pytest.raises(RuntimeError, match="a reason"):
+        pool.submit(exec, cannot_be_pickled).result()
+    assert pool.submit(len, b"x" * 1_000_000).result() == 1_000_000
+
+
+def test_a_dead_process_breaks_the_pool(pool: Pool) -> None:
+    with pytest.raises(BrokenExecutor):
+        pool.submit(os._exit, 1).result()
+    with pytest.raises(BrokenExecutor):
+        pool.submit(os.getpid).result()
+
+
+def test_processes_compute_at_the_same_time_and_are_killed_at_work() -> None:
+    pool = Pool(2)
+    sleeping = pool.submit(time.sleep, 60.0)
+    number = pool.submit(os.getpid).result()
+    assert number != os.getpid()
+    began = time.monotonic()
+    pool.kill()
+    assert time.monotonic() - began < 30.0
+    assert sleeping.exception() is not None
+    assert [process.poll() is None for process in pool._processes] == [False, False]
+
+
+def test_without_a_writable_home_the_processes_share_one_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setenv("HOME", "/proc/nobody")
+    monkeypatch.delenv("TI_OFFLINE_CACHE_FILE_PATH", raising=False)
+    pool = Pool(2)
+    homes = {pool.submit(os.getenv, "HOME").result() for _ in range(2)}
+    pool.shutdown()
+    assert homes == {os.environ["HOME"]}
+    assert str(tmp_path) in os.environ["HOME"]
+    assert capsys.readouterr().err.count("note:") == 1

@@ -1,0 +1,92 @@
+"""Text files of a limited size: encodings, devices, pipes, and files that are too
+large."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import threading
+from pathlib import Path
+
+import pytest
+
+from taichi_disk.errors import InputError
+from taichi_disk.scenes import load_scene
+from taichi_disk.text_files import MAX_BYTES, read_text
+from taichi_disk.window.app import list_folder
+
+SCENE = "scene: exponential_wall\nimpact: {velocity: 0.03}  # η\n"
+needs_pipes = pytest.mark.skipif(
+    not hasattr(os, "mkfifo"), reason="this system has no named pipes"
+)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_a_scene_may_have_a_byte_order_mark(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text(SCENE, encoding=encoding)
+    assert read_text(path) == SCENE
+    assert load_scene(path) == load_scene(SCENE)
+
+
+def test_a_file_larger_than_the_limit_is_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    with path.open("wb") as file:
+        file.truncate(3_000_000_000)  # a sparse file, which takes no room
+    with pytest.raises(InputError, match=r"scene\.yaml: is larger than 10 MB"):
+        load_scene(path)
+    with path.open("wb") as file:
+        file.write(b" " * MAX_BYTES)
+    assert len(read_text(path)) == MAX_BYTES
+    with pytest.raises(InputError, match="is larger than"):
+        read_text(path, limit=MAX_BYTES - 1)
+
+
+def test_a_folder_with_a_huge_file_is_listed_without_reading_it(tmp_path: Path) -> None:
+    with (tmp_path / "huge.yaml").open("wb") as file:
+        file.truncate(3_000_000_000)
+    (tmp_path / "small.yaml").write_text(SCENE, encoding="utf-8")
+    huge, small = list_folder(tmp_path)
+    assert small.load() == load_scene(SCENE)
+    with pytest.raises(InputError, match="is larger than"):
+        huge.load()
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="no /dev/zero")
+def test_a_device_is_refused() -> None:
+    with pytest.raises(InputError, match=r"^/dev/zero: is a device or a pipe"):
+        load_scene("/dev/zero")
+
+
+def test_a_folder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is a folder, not a file"):
+        load_scene(tmp_path)
+
+
+@needs_pipes
+def test_a_scene_may_come_from_a_pipe_but_no_other_file_may(tmp_path: Path) -> None:
+    path = tmp_path / "pipe"
+    os.mkfifo(path)
+    with pytest.raises(InputError, match="pipe: is a device or a pipe"):
+        read_text(path)
+    for text in (SCENE, "#" * (MAX_BYTES + 1)):
+        writer = threading.Thread(target=write_ignoring_readers_end, args=(path, text))
+        writer.start()
+        if text == SCENE:
+            assert load_scene(path) == load_scene(SCENE)
+        else:
+            with pytest.raises(InputError, match="is larger than"):
+                load_scene(path)
+        writer.join()
+
+
+def write_ignoring_readers_end(path: Path, text: str) -> None:
+    with contextlib.suppress(BrokenPipeError):
+        path.write_text(text, encoding="utf-8")
+
+
+def test_text_in_another_encoding_is_refused_with_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_bytes(b"scene: compression\n# \xfcber\n")
+    with pytest.raises(InputError, match=r"scene\.yaml:2: not UTF-8 text \(byte 0xfc"):
+        read_text(path)
