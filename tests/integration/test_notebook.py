@@ -213,7 +213,7 @@ def test_without_the_extra_the_message_names_it() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (
         "TaichiDiskError: no widget" in done.stderr
-        and "pip install 'taichi-disk[notebook]'" in done.stderr
+        and "pip install '.[notebook]'" in done.stderr
     )
 
 

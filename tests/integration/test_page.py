@@ -36,7 +36,7 @@ from taichi_disk.window.controls import CHOICES, RANGES, Entry
 from taichi_disk.window.door import Door, split_origin
 from taichi_disk.window.graphs import CURVES
 from taichi_disk.window.session import HEADER, Session, read_command
-from tests.browser import MISSING, Browser
+from tests.browser import BROWSERS, MISSING_BROWSERS, Browser
 
 WEB = Path(__file__).parents[2] / "taichi_disk" / "web"
 SETTINGS = ["lattice.points=120", "impact.velocity=0.05", "material.eta_star=1"]
@@ -614,15 +614,25 @@ def served(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
         program.communicate()
 
 
-@pytest.fixture
-def browser() -> Iterator[Browser]:
-    if MISSING:
+def opened(name: str) -> Iterator[Browser]:
+    missing = MISSING_BROWSERS[name]
+    if missing:
         if os.environ.get("CI"):
-            pytest.fail(f"the page cannot be tested: {MISSING}")
-        pytest.skip(f"the page is not tested: {MISSING}")
-    one = Browser()
+            pytest.fail(f"the page cannot be tested: {missing}")
+        pytest.skip(f"the page is not tested: {missing}")
+    one = BROWSERS[name]()
     yield one
     one.driver.quit()
+
+
+@pytest.fixture
+def browser() -> Iterator[Browser]:
+    yield from opened("chromium")
+
+
+@pytest.fixture(params=BROWSERS)
+def each_browser(request: pytest.FixtureRequest) -> Iterator[Browser]:
+    yield from opened(request.param)
 
 
 def ended(program: subprocess.Popen[str], number: int = signal.SIGTERM) -> str:
@@ -642,10 +652,11 @@ def test_a_signal_right_after_the_address_ends_the_program(
 @pytest.mark.validate
 def test_the_page_opens_obeys_and_computes_what_run_does(
     served: tuple[subprocess.Popen[str], str],
-    browser: Browser,
+    each_browser: Browser,
     kernels: KernelCache,
     tmp_path: Path,
 ) -> None:
+    browser = each_browser
     program, url = served
     browser.open(url)
     assert browser.colours() > 50  # field, wall, scale
@@ -756,8 +767,9 @@ def test_every_control_of_the_page_does_what_it_says(
 
 @pytest.mark.validate
 def test_the_page_reloads_a_second_visitor_watches_and_it_connects_again(
-    served: tuple[subprocess.Popen[str], str], browser: Browser
+    served: tuple[subprocess.Popen[str], str], each_browser: Browser
 ) -> None:
+    browser = each_browser
     program, url = served
     browser.open(url)
     browser.click("drop")
@@ -769,8 +781,21 @@ def test_the_page_reloads_a_second_visitor_watches_and_it_connects_again(
     try:
         watcher.open(url)
         assert "watching" in watcher.text("role")
-        watcher.key("n")
-        assert browser.wait(lambda: browser.text("role") == "")
+        assert not watcher.visible("drop") and watcher.visible("video.theme")
+        watcher.choose("video.theme", "dark")
+        watcher.wait(lambda: watcher.look("theme") == "dark")
+        assert browser.look("theme") == "light" and browser.text("role") == ""
+        # the watcher asks, the player hands over, the new player asks back
+        watcher.press("Ask to play")
+        browser.wait(lambda: "asks to play" in browser.text("role"))
+        browser.press("Hand over")
+        browser.wait(lambda: "watching" in browser.text("role"))
+        assert watcher.visible("drop") and watcher.look("theme") == "dark"
+        assert browser.look("theme") == "light"
+        browser.press("Ask to play")
+        watcher.wait(lambda: "asks to play" in watcher.text("role"))
+        watcher.press("Hand over")
+        browser.wait(lambda: browser.text("role") == "")
         browser.driver.get("about:blank")
         watcher.wait(lambda: watcher.text("role") == "")  # who watched plays now
         wrong = url.rstrip("/")[:-3] + "/"
