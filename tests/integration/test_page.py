@@ -31,6 +31,7 @@ from taichi_disk.errors import InputError
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.observables import INDEX
 from taichi_disk.simulation.simulation import KernelCache
+from taichi_disk.window.app import list_folder
 from taichi_disk.window.audience import Audience
 from taichi_disk.window.controls import CHOICES, RANGES, Entry
 from taichi_disk.window.door import Door, split_origin
@@ -564,6 +565,123 @@ def test_the_first_visitor_plays_the_next_one_follows_and_the_last_one_pauses(
         running.cancel()
 
     asyncio.run(visit())
+
+
+def test_each_visitor_has_a_look_of_its_own_and_watchers_ask_to_play(
+    session: Session,
+) -> None:
+    async def visit() -> None:
+        audience, sandbox = Audience(session), session.sandbox
+        running = asyncio.create_task(audience.run())
+        player, watcher, guest = (Reader(audience) for _ in range(3))
+        readers = (player, watcher, guest)
+
+        async def drawn() -> None:
+            await asyncio.gather(*(one.draw(3) for one in readers))
+
+        await drawn()
+
+        def looks() -> list[str]:
+            panels = [one.texts["panel"]["choices"] for one in readers]
+            return [_value(choices, "video.theme") for choices in panels]
+
+        watcher.say("press", key="t")
+        guest.say("set", key="video.colour", value="pressure")
+        guest.say("set", key="video.theme", value="no theme")
+        await drawn()
+        assert looks() == ["light", "dark", "light"]
+        assert sandbox.scene.video.theme == "light"
+        assert "theme: dark" in watcher.texts["yaml"]["text"]
+        assert _value(guest.texts["panel"]["choices"], "video.colour") == "pressure"
+        player.say("press", key="t")
+        player.say("press", key="t")
+        await drawn()
+        assert looks() == ["light", "dark", "light"]
+
+        player.say("hand")  # nobody has asked
+        watcher.say("hand")  # is not the player
+        guest.say("ask")
+        watcher.say("ask")
+        await drawn()
+        assert player.texts["role"]["asking"] == 2 and watcher.texts["role"]["asks"]
+        assert player.plays and not watcher.plays
+        player.say("keep")
+        await drawn()
+        assert player.texts["role"]["asking"] == 0 and not watcher.texts["role"]["asks"]
+        watcher.say("ask")
+        player.say("hand")
+        await drawn()
+        assert watcher.plays and not player.plays
+        assert looks() == ["light", "dark", "light"]
+        assert sandbox.scene.video.theme == "dark"
+        guest.say("ask")
+        audience.leave(watcher.visitor)
+        await drawn()
+        assert guest.plays and sandbox.scene.video.colour == "pressure"
+        running.cancel()
+
+    asyncio.run(visit())
+
+
+def _value(choices: list[dict[str, Any]], key: str) -> str:
+    return next(one["value"] for one in choices if one["key"] == key)
+
+
+def test_an_error_in_a_command_is_named_and_everybody_goes_on(
+    session: Session, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def fail(*_: Any) -> None:
+        raise IndexError("out of range")
+
+    monkeypatch.setattr(session.sandbox, "hit_again", fail)
+    session.controls.add("h", "", session.sandbox.hit_again)
+    say(session, "press", key="h")
+    assert "IndexError: out of range" in panel(session)["message"]
+    assert "Traceback" in capfd.readouterr().err
+    say(session, "press", key="space")
+    monkeypatch.setattr(session.sandbox, "tick", fail)
+    session.advance()
+    assert "the disk is at the start again" in panel(session)["message"]
+    assert panel(session)["paused"] and session.sandbox.at_start
+    monkeypatch.undo()
+    say(session, "press", key="space")
+    while session.sandbox.at_start:
+        session.advance()
+
+
+def test_names_that_are_not_utf_8_reach_every_page(
+    kernels: KernelCache, tmp_path: Path
+) -> None:
+    name = os.fsdecode(b"\xff.yaml")
+    try:
+        (tmp_path / name).write_text("scene: exponential_wall\nlattice: {points: 60}\n")
+    except OSError:
+        pytest.skip("this file system takes only UTF-8")
+    session = Session(list_folder(tmp_path), kernels)
+    for message in session.texts.values():
+        message.encode()
+    assert panel(session)["name"] == "\udcff"
+
+
+@pytest.mark.parametrize(
+    "table", [b"key\n\xff\xfe\n", b"key\n" + b"x" * 140_000 + b"\n"]
+)
+def test_a_table_that_cannot_be_read_is_named(tmp_path: Path, table: bytes) -> None:
+    (tmp_path / "points.csv").write_bytes(table)
+    with pytest.raises(InputError, match=r"points\.csv"):
+        list_folder(tmp_path)
+
+
+def test_a_huge_file_is_listed_and_refused_when_it_is_chosen(tmp_path: Path) -> None:
+    text = "scene: exponential_wall\nlattice: {points: 60}\n"
+    (tmp_path / "a.yaml").write_text(text)
+    with (tmp_path / "b.yaml").open("w") as file:
+        file.write(text)
+        file.truncate(3_000_000_000)  # sparse
+    small, huge = list_folder(tmp_path)
+    small.load()
+    with pytest.raises(InputError, match=r"b\.yaml.*larger than"):
+        huge.load()
 
 
 def test_a_port_that_is_taken_is_told(
