@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from taichi_disk.errors import InputError, pip_install
+from taichi_disk.errors import InputError, install_extra, pip_install
 from taichi_disk.lattice.triangles import Array, Long
 
 # largest difference of coordinates along an axis that is left out, over the mesh's size
@@ -58,7 +58,7 @@ def _read(path: Path) -> Any:
     except ImportError:
         raise InputError(
             "a lattice is read from a .csv or .npz file; for meshes meshio is needed:"
-            f" {pip_install('taichi-disk[export]')}"
+            f" {install_extra('export')}"
         ) from None
     if path.suffix.lower() not in meshio.extension_to_filetypes:
         known = " ".join(sorted(meshio.extension_to_filetypes))
