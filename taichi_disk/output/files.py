@@ -27,6 +27,7 @@ from taichi_disk.errors import InputError, SimulationError, reason
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.machine import processor
 from taichi_disk.simulation.observables import COLUMNS
+from taichi_disk.text_files import read_text
 from taichi_disk.version import __version__
 
 if TYPE_CHECKING:
@@ -150,12 +151,9 @@ def listed(folder: Path) -> list[str]:
 
 def read_summary(folder: Path) -> dict[str, Any]:
     """Return the contents of summary.json, or {} if it is missing or damaged."""
-    path = folder / "summary.json"
-    if not path.is_file():
-        return {}
     try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        summary = json.loads(read_text(folder / "summary.json"))
+    except (OSError, InputError, ValueError, RecursionError):
         return {}
     return summary if isinstance(summary, dict) else {}
 

@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 from taichi_disk.errors import InputError, SimulationError, reason
 from taichi_disk.output import files
+from taichi_disk.text_files import read_text
 
 FILMS = ("video.mp4", "video.webm", "video.gif", "video.html", "frames")
 RUN_FILES = re.compile(
@@ -51,7 +52,10 @@ def inspect(folder: Path) -> FolderContents:
     foreign = [name for name in names if not _is_of_a_run(folder / name)]
     if foreign:
         return FolderContents(names, foreign)
-    scene = (folder / "scene.yaml").read_text(encoding="utf-8", errors="replace")
+    try:
+        scene = read_text(folder / "scene.yaml")
+    except InputError:  # huge or not text, so no run wrote it
+        return FolderContents(names, ["scene.yaml"])
     run = scene, str(summary.get("lattice_digest", ""))
     return FolderContents(names, [], run, str(summary["status"]))
 
