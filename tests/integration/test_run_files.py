@@ -18,6 +18,7 @@ import reference
 from taichi_disk import engine, load_scene, run
 from taichi_disk.cli import main
 from taichi_disk.computation import stability
+from taichi_disk.errors import SimulationError
 from taichi_disk.output import export, files
 from taichi_disk.physics import ElasticWall, MatchedBoundary, Model, Springs
 from taichi_disk.simulation.observables import COLUMNS
@@ -209,6 +210,26 @@ def test_a_full_disk_takes_no_number_with_it(tmp_path, monkeypatch, capsys, name
         # It may be repeated: the folder holds a run.
         monkeypatch.setattr(files, "atomic_write", written)
         assert main(["run", "exponential_wall", *words, *options]) == 0
+
+
+def test_the_summary_has_the_numbers_even_if_the_disk_stays_full(tmp_path, monkeypatch):
+    written = files.atomic_write
+    names = []
+
+    def full(path, writer):
+        names.append(path.name)
+        if "final.npz" in names:
+            raise SimulationError(f"cannot write {path.name}: No space left on device")
+        written(path, writer)
+
+    monkeypatch.setattr(files, "atomic_write", full)
+    scene = load_scene("exponential_wall", SMALL)
+    result = run(scene, tmp_path / "o", video=False, lattices=1)
+    assert names[-2:] == ["final.npz", "summary.json"]
+    assert result.summary["reason"] == "cannot write final.npz: No space left on device"
+    summary = json.loads((tmp_path / "o" / "summary.json").read_text())
+    assert summary["restitution"] == result.restitution
+    assert summary["status"] == "failed"
 
 
 @pytest.mark.parametrize("kind", ["exponential_wall", "absorbing_wall"])
