@@ -45,7 +45,9 @@ class FolderContents(NamedTuple):
 def inspect(folder: Path) -> FolderContents:
     """Return the contents of `folder`, which are empty if it does not exist. Raises
     OSError if it cannot be listed."""
-    names = files.listed(folder) if folder.exists() else []
+    if not folder.exists():
+        return FolderContents([], [])
+    names = files.listed(folder)
     summary = files.read_summary(folder)
     if "status" not in summary or "scene.yaml" not in names:
         return FolderContents(names, names)
@@ -236,9 +238,11 @@ def _copy(old: Path, new: Path) -> None:
 
 def refuse_run(out: Path) -> None:
     """Raise InputError if `out` holds a run, or cannot be read."""
+    if not out.is_dir():
+        return
     try:
-        status = inspect(out).status if out.is_dir() else ""
+        contents = inspect(out)
     except OSError as error:
         raise files.cannot_write(out, error) from None
-    if status:
+    if contents.status:
         raise InputError(f"{out} holds a run; choose another folder as `out`")
