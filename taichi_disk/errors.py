@@ -41,12 +41,10 @@ def install_extra(name: str) -> str:
 
 
 def nearest(word: Any, names: Iterable[str]) -> list[str]:
+    if not isinstance(word, str):
+        return []
     by_lower = {name.lower(): name for name in names}
-    matches = (
-        difflib.get_close_matches(str(word).lower(), by_lower, n=1)
-        if isinstance(word, str)
-        else []
-    )
+    matches = difflib.get_close_matches(word.lower(), by_lower, n=1)
     return [by_lower[match] for match in matches]
 
 
@@ -57,7 +55,9 @@ def did_you_mean(word: Any, names: Iterable[str]) -> str:
 def either(names: Iterable[str]) -> str:
     """Join names to "a, b or c"."""
     *first, last = names
-    return f"{', '.join(first)} or {last}" if first else last
+    if not first:
+        return last
+    return f"{', '.join(first)} or {last}"
 
 
 def printable(text: str, width: int = 40) -> str:

@@ -45,7 +45,9 @@ def cpu_quota(membership: Path, root: Path) -> float:
             for one in (folder, *folder.parents):
                 if one.is_relative_to(hierarchy):
                     quota = min(quota, _quota_of(one))
-    return ceil(quota) if quota < inf else inf
+    if quota == inf:
+        return inf
+    return ceil(quota)
 
 
 def _quota_of(group: Path) -> float:
