@@ -216,7 +216,11 @@ def test_a_scene_that_does_not_end_is_a_failure_with_advice(
                 " other programs\n"
             ),
         ),
-        (OSError(28, "No space left on device"), 1, "error: No space left on device (in fail of test_cli)\n"),
+        (
+            OSError(28, "No space left on device"),
+            1,
+            "error: No space left on device (in fail of test_cli)\n",
+        ),
     ],
 )
 def test_each_kind_of_failure_has_its_exit_status_and_one_message(
