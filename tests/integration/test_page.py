@@ -900,7 +900,7 @@ def test_every_control_of_the_page_does_what_it_says(
         " one.textContent)"
     )
     assert len(entries) >= 21 and all(len(one) > 30 for one in entries)
-    browser.script("document.querySelectorAll('#entries button')[17].click()")
+    browser.script("document.querySelectorAll('#entries button')[18].click()")
     assert browser.wait(lambda: "flattens" in browser.text("sentence"), 60.0)
     browser.wait(
         lambda: (
@@ -973,7 +973,7 @@ def test_graphs_show_energies_below_0_and_no_noise(
         return list(browser.script(f"return {found}"))
 
     # not the force of rounding errors
-    assert ends("motion")[1] == "0" and float(ends("motion")[2]) > 1e-3
+    assert ends("motion")[0] == "0" and float(ends("motion")[2]) > 1e-3
     for key, value in (
         ("impact.velocity", "0.1"),
         ("impact.spin", "0.4"),
@@ -988,7 +988,7 @@ def test_graphs_show_energies_below_0_and_no_noise(
     )
     low, middle, _ = ends("energy")
     assert lowest < 0.0 and middle == "0" and float(low.replace("\u2212", "-")) < lowest
-    browser.script("window.sandbox.send({ do: 'play', number: 17 })")
+    browser.script("window.sandbox.send({ do: 'play', number: 18 })")
     browser.wait(lambda: browser.text("drop") == "Load")
     browser.wait(lambda: ends("motion", "right")[0] == "0")  # a compression of zero
     assert float(ends("motion", "right")[2]) > 1e-3
