@@ -217,6 +217,7 @@ def _render(arguments: argparse.Namespace) -> None:
             at=arguments.at,
             start=arguments.start,
             end=arguments.end,
+            labels=arguments.label,
         )
     what = "film"
     if out.suffix == ".png":
@@ -405,6 +406,8 @@ def _parser() -> argparse.ArgumentParser:
     add("folder", type=_path, metavar="DIR", help="folder of the run")
     what = "up to three more runs, shown at the right; titles name the keys that differ"
     add("--compare", type=_path, nargs="+", default=[], metavar="DIR", help=what)
+    what = "titles of the runs, in place of the keys that differ: one for each run"
+    add("--label", nargs="+", default=[], metavar="TEXT", help=what)
     what = (
         ".mp4, .webm or .gif; .html: page that plays the film without internet; .png:"
         " one picture; no suffix: folder"

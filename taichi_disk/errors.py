@@ -28,6 +28,10 @@ class SimulationError(TaichiDiskError):
     separation within the time limit."""
 
 
+class NoPictures(TaichiDiskError):
+    """This machine cannot draw pictures. It can still write pages."""
+
+
 def pip_install(what: str) -> str:
     """Return the command that installs `what`, in quotes, into the environment that
     runs this program."""

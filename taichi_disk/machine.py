@@ -9,6 +9,17 @@ from contextlib import suppress
 from math import ceil, inf
 from pathlib import Path
 
+# how to install what films need
+REMEDY = (
+    "apt-get update && apt-get install -y --no-install-recommends libx11-6"
+    " mesa-vulkan-drivers"
+)
+if sys.platform != "linux":
+    REMEDY = (
+        "install the Vulkan driver of the graphics card's maker; `run --no-video` needs"
+        " none"
+    )
+
 
 def cores() -> int:
     """Return the number of cores that this process may use, at least 1: those of its

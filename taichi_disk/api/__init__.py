@@ -24,7 +24,7 @@ from taichi_disk.config.tree import Source, as_path
 from taichi_disk.errors import InputError, did_you_mean, nearest
 from taichi_disk.lattice import Array, Lattice, OwnStart, disk_of, numbers
 from taichi_disk.output import files
-from taichi_disk.output.plot import plotting_beside
+from taichi_disk.output.artist import drawing_process
 from taichi_disk.output.report import headline, rows, shown
 from taichi_disk.output.run_folder import run_folder
 from taichi_disk.progress import Progress, reported, silent
@@ -363,6 +363,7 @@ class Result:
         at: float | str = "greatest",
         start: float | str | None = None,
         end: float | str | None = None,
+        labels: Sequence[str] = (),
         **video: Any,
     ) -> Path:
         """Film the run into `path` and return the path.
@@ -377,6 +378,7 @@ class Result:
             start: moment at which a film begins, like `at`; by default the start of the
                 run.
             end: moment at which it ends; by default the end of the run.
+            labels: titles of this run and the others, in place of the keys that differ.
             video: keys of a scene's `video` section in place of the scene's own, as
                 `colour="shear"`.
 
@@ -404,7 +406,16 @@ class Result:
         runs = [result.outcome for result in (self, *others)]
         made = files.prepare_output(path.parent)
         try:
-            film(path, runs, section, progress or silent, Span(at, start, end))
+            with drawing_process(True) as artist:
+                film(
+                    path,
+                    runs,
+                    section,
+                    progress or silent,
+                    Span(at, start, end),
+                    labels,
+                    artist,
+                )()
         finally:
             files.remove_empty(made)  # they are empty if there is no film
         return path
@@ -425,12 +436,12 @@ class Result:
         with run_folder(out, text, True, overwrite, lattice=self.own.digest) as folder:
             work = Work(self.scene, self.own.disk, self.own.velocities)
             work.write_start(folder.path, self.scenario)
-            with plotting_beside(video) as plot:
+            with drawing_process(video) as artist:
                 work.write(
                     folder,
                     replace(self.outcome, summary=dict(self.summary)),
                     video,
-                    plot,
+                    artist,
                 )
         return folder.out
 
@@ -525,8 +536,8 @@ def run(
         lattice: user-supplied unloaded disk, see `Lattice.from_points`.
         velocities: (N, 2) initial velocities of the disk's points [c], in the order of
             the lattice.
-        video: whether to make the film, if there is a folder. Without Vulkan there is
-            no film, and `summary["video_error"]` says why.
+        video: whether to make the film, if there is a folder. Without Vulkan it is a
+            page, video.html.
         export: format of a trajectory in the folder: "xyz", "gsd", "vtu" or "npz".
         overwrite: whether another run in `out` may be replaced.
         count_on: whether to use out-2, out-3 … if `out` holds another run.

@@ -45,7 +45,7 @@ def point_array(points: ArrayLike) -> Array:
 def check_body(x: Array, max_offset: float = MAX_OFFSET) -> None:
     """Raise InputError unless the points `x` (n, 2) [R] are distinct, have the size of
     a disk, and their mean is at most `max_offset` [R] from x = 0."""
-    from taichi_disk.lattice.spatial import cKDTree
+    from scipy.spatial import cKDTree
 
     n = len(x)
     _check_count(n)

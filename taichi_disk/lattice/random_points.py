@@ -213,7 +213,7 @@ def _adsorb(
     # Darts are thrown into square cells. As the region fills up, cells covered by one
     # point are removed and the others quartered (Ebeida et al., ACM Trans. Graph. 30,
     # 49, 2011), so darts stay uniform in the free area but rarely miss.
-    from taichi_disk.lattice.spatial import cKDTree
+    from scipy.spatial import cKDTree
 
     side = float(np.sqrt(np.prod(high - low) / (4 * count)))
     nx, ny = np.maximum(np.ceil((high - low) / side), 1).astype(int)
@@ -245,7 +245,7 @@ def _free_cells(
 ) -> Array:
     """Keep only cells that may contain a place in the region at least `spacing` from
     all points."""
-    from taichi_disk.lattice.spatial import cKDTree
+    from scipy.spatial import cKDTree
 
     half_diagonal = side * np.sqrt(0.5)
     cells = cells[depth(cells + side / 2) >= -half_diagonal]
@@ -256,7 +256,7 @@ def _free_cells(
 
 def _accepted(darts: Array, spacing: float) -> Array:
     """Remove darts that are closer than `spacing` to an earlier one that stays."""
-    from taichi_disk.lattice.spatial import cKDTree
+    from scipy.spatial import cKDTree
 
     pairs = cKDTree(darts).query_pairs(spacing, output_type="ndarray")
     pairs = np.sort(pairs, axis=1)
