@@ -24,7 +24,7 @@ from taichi_disk.config.tree import Source, as_path
 from taichi_disk.errors import InputError, did_you_mean, nearest
 from taichi_disk.lattice import Array, Lattice, OwnStart, disk_of, numbers
 from taichi_disk.output import files
-from taichi_disk.output.plot import plotting_beside
+from taichi_disk.output.artist import drawing_process
 from taichi_disk.output.report import headline, rows, shown
 from taichi_disk.output.run_folder import run_folder
 from taichi_disk.progress import Progress, reported, silent
@@ -365,6 +365,7 @@ class Result:
         at: float | str = "greatest",
         start: float | str | None = None,
         end: float | str | None = None,
+        labels: Sequence[str] = (),
         **video: Any,
     ) -> Path:
         """Film the run into `path` and return the path.
@@ -379,6 +380,7 @@ class Result:
             start: moment at which a film begins, like `at`; by default the start of the
                 run.
             end: moment at which it ends; by default the end of the run.
+            labels: titles of this run and the others, in place of the keys that differ.
             video: keys of a scene's `video` section in place of the scene's own, as
                 `colour="shear"`.
 
@@ -406,7 +408,16 @@ class Result:
         runs = [result.outcome for result in (self, *others)]
         made = files.prepare_output(path.parent)
         try:
-            film(path, runs, section, progress or silent, Span(at, start, end))
+            with drawing_process(True) as artist:
+                film(
+                    path,
+                    runs,
+                    section,
+                    progress or silent,
+                    Span(at, start, end),
+                    labels,
+                    artist,
+                )()
         finally:
             files.remove_empty(made)  # they are empty if there is no film
         return path
@@ -428,12 +439,12 @@ class Result:
         with run_folder(out, text, True, overwrite, lattice=self.own.digest) as folder:
             work = Work(self.scene, self.own.disk, self.own.velocities)
             work.write_start(folder.path, self.scenario)
-            with plotting_beside(video) as plot:
+            with drawing_process(video) as artist:
                 work.write(
                     folder,
                     replace(self.outcome, summary=dict(self.summary)),
                     video,
-                    plot,
+                    artist,
                 )
         return folder.out
 
@@ -528,8 +539,8 @@ def run(
         lattice: user-supplied unloaded disk, see `Lattice.from_points`.
         velocities: (N, 2) initial velocities of the disk's points [c], in the order of
             the lattice.
-        video: whether to make the film, if there is a folder. Without Vulkan there is
-            no film, and `summary["video_error"]` says why.
+        video: whether to make the film, if there is a folder. Without Vulkan it is a
+            page, video.html.
         export: format of a trajectory in the folder: "xyz", "gsd", "vtu" or "npz".
         overwrite: whether another run in `out` may be replaced.
         count_on: whether to use out-2, out-3 … if `out` holds another run.
@@ -587,13 +598,13 @@ def run(
             from taichi_disk.output.export import check_export
 
             check_export(folder.path, export)
-        with work.failing_into(folder.path), plotting_beside(video) as plot:
+        with work.failing_into(folder.path), drawing_process(video) as artist:
             scenario = work.build(threads)
             work.write_start(folder.path, scenario)
             outcome = work.solve(scenario, **options)
             if export:
                 work.export(outcome, folder.path, export)
-            work.write(folder, outcome, video, plot)
+            work.write(folder, outcome, video, artist)
     # without room for anything there is no folder
     written = folder.out if folder.out.is_dir() else None
     return Result(work.scene, outcome, written, own)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -17,10 +18,11 @@ from taichi_disk.computation.diagnostics import BlowUp
 from taichi_disk.computation.outcome import Outcome, compute
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.stability import spectrum
-from taichi_disk.errors import SimulationError
+from taichi_disk.errors import NoPictures, SimulationError
 from taichi_disk.lattice import Lattice, own_start
 from taichi_disk.output import files
-from taichi_disk.output.plot import Begin
+from taichi_disk.output.artist import Artist
+from taichi_disk.output.plot import begin_plot
 from taichi_disk.output.report import headline
 from taichi_disk.output.run_folder import RunFolder
 from taichi_disk.progress import Progress, silent
@@ -146,8 +148,8 @@ class Work:
             self.lap(status)
             is_computed = bool(self.summary)
             self.summary |= self._heading(status, str(failure) or None)
-            for partial in path.glob(".*.new.*"):  # of the process that draws the plot
-                files.remove(partial)
+            for unfinished in path.glob(".*.new.*"):  # of the process that draws
+                files.remove(unfinished)
             with suppress(SimulationError):  # there is no room for it
                 files.write_summary(path / "summary.json", self.summary)
             if isinstance(failure, BlowUp):
@@ -179,18 +181,18 @@ class Work:
         )
 
     def write(
-        self, folder: RunFolder, outcome: Outcome, video: bool, plot: Begin
+        self, folder: RunFolder, outcome: Outcome, video: bool, artist: Artist
     ) -> None:
         """Write the files of a run: results, then pictures, and summary.json first and
         last, which says why a picture is missing.
 
-        `plot` is what `plotting_beside` yields.
+        `artist` draws curves.
         """
         path, summary, scenario = folder.path, outcome.summary, outcome.scenario
         # The first file holds the numbers, in case there is no room for the others.
         incomplete = {"status": "failed", "reason": "its files could not be written"}
         files.write_summary(path / "summary.json", summary | incomplete)
-        section, asked = scenario.scene.video, scenario.scene.time.sample_interval
+        asked = scenario.scene.time.sample_interval
         # Write all rows of a loading, because they are not equally spaced.
         interval = 0.0 if asked == "auto" or scenario.static else asked
         files.write_timeseries(path / "timeseries.csv", outcome.columns, interval)
@@ -201,22 +203,18 @@ class Work:
         }
         files.write_arrays(path / "final.npz", **end)
         self.lap("write")
-        finish_plot = plot(
+        make_film = None
+        if video:
+            make_film = self._begin_film(path, outcome, artist)
+        finish_plot = begin_plot(
+            artist,
             path / "plot.png",
             scenario,
             outcome.columns,
             headline(summary, scenario.labels),
         )
-        if video:
-            try:
-                from taichi_disk.web.film import film
-
-                name = (
-                    "frames" if section.format == "png" else f"video.{section.format}"
-                )
-                film(path / name, [outcome], section, self.progress)
-            except Exception as error:
-                summary["video_error"] = str(error) or repr(error)
+        if make_film:
+            self._film(make_film, path, outcome)
             self.lap("film")
         try:
             finish_plot()
@@ -229,3 +227,39 @@ class Work:
         summary["video"] = folder.take_over()
         summary["digests"] = files.digests(path, summary)
         files.write_summary(path / "summary.json", summary)
+
+    def _begin_film(
+        self, path: Path, outcome: Outcome, artist: Artist
+    ) -> Callable[[], None]:
+        """Return a function that makes the film; a failure is its failure."""
+        from taichi_disk.web.film import film
+
+        section = outcome.scenario.scene.video
+        name = "frames" if section.format == "png" else f"video.{section.format}"
+        try:
+            return film(path / name, [outcome], section, self.progress, artist=artist)
+        except Exception as error:
+            return partial(_fail, error)
+
+    def _film(self, make: Callable[[], None], path: Path, outcome: Outcome) -> None:
+        """Make the film, or a page that plays it where this machine cannot draw
+        pictures."""
+        from taichi_disk.web.film import film
+
+        summary = outcome.summary
+        section = outcome.scenario.scene.video
+        try:
+            try:
+                make()
+            except NoPictures as error:
+                film(path / "video.html", [outcome], section, self.progress)()
+                note = (
+                    f"the film is video.html, a page for any browser, because {error}"
+                )
+                summary["notes"] = [*summary.get("notes", []), note]
+        except Exception as error:
+            summary["video_error"] = str(error) or repr(error)
+
+
+def _fail(error: Exception) -> None:
+    raise error

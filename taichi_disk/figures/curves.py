@@ -403,19 +403,34 @@ def _drawn(scene: Scene, curves: list[Curve]) -> Plot:
     layout = FIGURES[scene.scene]
     figure, ax = one_plot(2.9 + 0.09 * len(curves))
     layout.draw(ax, layout.paper, curves)
-    handles, labels = ax.get_legend_handles_labels()
-    # The legend lists the simulated points first, then the lines of the laws.
-    entries = sorted(
-        zip(handles, labels, strict=True),
-        key=lambda entry: isinstance(entry[0], Line2D),
-    )
-    if entries:  # there are none if E is unknown, as for lattices from a file
-        handles = [handle for handle, _ in entries]
-        labels = [label for _, label in entries]
-        figure.legend(handles, labels, loc="outside upper center", ncols=2)
+    _add_legend(figure, ax)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # keeps the layout the same in all formats
     return figure
+
+
+def _add_legend(figure: Plot, ax: Axes) -> None:
+    """List the simulated points, then the lines of the laws, in two columns."""
+    handles, labels = ax.get_legend_handles_labels()
+    points = []
+    laws = []
+    for entry in zip(handles, labels, strict=True):
+        if isinstance(entry[0], Line2D):
+            laws.append(entry)
+        else:
+            points.append(entry)
+    if not points:  # E is unknown, as for lattices from a file
+        return
+    # Two columns of laws would be wider than the figure.
+    while len(points) < len(laws):
+        points.append((Line2D([], [], linestyle="none"), ""))
+    entries = points + laws
+    figure.legend(
+        [handle for handle, _ in entries],
+        [label for _, label in entries],
+        loc="outside upper center",
+        ncols=2,
+    )
 
 
 def curve_label(label: dict[str, Any]) -> str:
@@ -543,8 +558,8 @@ def _impact(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None:
     if paper:
         v = np.geomspace(x.min(), x.max(), 80)
         e = theory.paper_restitution(v, paper["d1"], paper["d2"])
-        text = f"eq. (5), paper: d₁ = {paper['d1']}, d₂ = {paper['d2']}"
-        ax.plot(v, e, "--", color=SUM, label=text)
+        text = f"paper: d₁ = {paper['d1']}, d₂ = {paper['d2']}"
+        ax.plot(v, e, "-.", color=SUM, label=text)
     log_if_wide(ax, x)
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from taichi_disk.computation.contact import CONTACT_LEVEL, contact_interval
-from taichi_disk.computation.scenario import Array, Scenario, distribute
+from taichi_disk.computation.scenario import Array, Scenario, signed, time_text
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Lattice, disk_of
 from taichi_disk.lattice.network import bending_compliance, network_stiffness
@@ -379,7 +379,7 @@ class ImpactScenario(Scenario):
     def marks(self, columns: Columns) -> tuple[str, str]:
         found = self.result(columns)
         return (
-            f"e = {found['restitution']:.5f}",
+            f"e = {found['restitution']:.4f}",
             f"contact time {found['contact_time']:.4g} R/c",
         )
 
@@ -388,28 +388,10 @@ class ImpactScenario(Scenario):
         return lost, "energy imbalance\n/ initial kinetic", "linear"
 
     def motion(self, columns: Columns) -> tuple[Array, str]:
-        label = "velocity of the centre\nof mass, $v_{cm}/v$"
+        label = "velocity of the centre  [v]"
         if self.scene.is_oblique:
-            label = "velocity away\nfrom the wall, $v_n/v_n(0)$"
+            label = "normal velocity  [initial]"
         return columns["com_vy"] / self.velocity, label
-
-    def frame_times(self, columns: Columns, frames: int) -> Array:
-        start, end = contact_interval(
-            columns["t"], columns["wall_force"], columns["com_vy"]
-        )
-        last = columns["t"][-1]
-        margin = 0.1 * (end - start)
-        first = max(start - margin, 0.1 * start)
-        second = min(end + margin, 0.9 * last + 0.1 * end)
-        # The film shows the contact in slow motion, and the flights before and after it
-        # briefly.
-        flights = [
-            min(0.5 * flight, 0.2 * (second - first))
-            for flight in (first, last - second)
-        ]
-        return distribute(
-            [0.0, first, second, last], [flights[0], second - first, flights[1]], frames
-        )
 
     def title(self) -> tuple[str, ...]:
         scene = self.scene
@@ -430,12 +412,10 @@ class ImpactScenario(Scenario):
         )
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
-        time = f"t = {row['t']:7.3f} R/c"
+        time = time_text(row["t"])
         if not self.scene.is_oblique:
-            return time, f"velocity {row['com_vy'] / self.velocity:+.3f} v"
+            return time, f"{signed(row['com_vy'] / self.velocity)} v"
+        speed = self.scene.impact.velocity
+        across, up = signed(row["com_vx"] / speed), signed(row["com_vy"] / speed)
         spin = row["angular_momentum"] / self.shape.inertia
-        return (
-            time,
-            f"v {row['com_vx']:+.4f}, {row['com_vy']:+.4f} c",
-            f"spin {spin:+.4f} c/R",
-        )
+        return time, f"{across}, {up} v", f"spin {signed(spin, 3)} c/R"

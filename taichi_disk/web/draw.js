@@ -61,7 +61,9 @@ export class Drawing {
       [left, right, , top] = view,
       margin = 8,
       isRigid = wall.kind === "rigid";
-    const [bottom, below] = isRigid ? [wall.edge, VISIBLE_WALL] : [view[2], margin];
+    const [bottom, below] = isRigid
+      ? [wall.edge, VISIBLE_WALL * this.options.letters]
+      : [view[2], margin];
     const width = this.width - 2 * margin,
       height = this.height - this.footer - margin - below;
     const scale = Math.max(Math.min(width / (right - left), height / (top - bottom)), 1);

@@ -63,14 +63,25 @@ export function arrow(ctx, [x0, y0], [x1, y1], thickness, colour, rim) {
   }
 }
 
-// Return where things stand below the disk, for a picture of this size [px]: the height of all, and
-// above the lower edge the colour scale, its numbers, its name, and the row of length and force.
+// Return where things stand below the disk, for a picture of this size [px]: the height of all; above
+// the lower edge the colour scale, its numbers, its name, and the row of length and force; and the
+// width beside the colour scale.
 function layout(width, height) {
-  const isWide = width >= 720;
-  const isLow = height < 400;
-  if (isWide) return { height: 66, bar: 52, numbers: 28, name: 10, row: 47, hasKeys: true };
-  if (isLow) return { height: 62, bar: 56, numbers: 32, name: 10, row: 51, hasKeys: width > 500 };
-  return { height: 94, bar: 52, numbers: 28, name: 10, row: 80, hasKeys: true };
+  const keys = { hasKeys: true };
+  if (width >= 720)
+    return { height: 66, bar: 52, numbers: 28, name: 10, row: 47, beside: 380, ...keys };
+  const isLow = height < 330 || (height < 400 && width > 460);
+  if (!isLow) return { height: 94, bar: 52, numbers: 28, name: 10, row: 80, beside: 64, ...keys };
+  const hasKeys = width > 460;
+  return {
+    height: 62,
+    bar: 56,
+    numbers: 32,
+    name: 10,
+    row: 51,
+    beside: hasKeys ? 380 : 64,
+    hasKeys,
+  };
 }
 
 export const footer = (width, height) => layout(width, height).height;
@@ -123,7 +134,7 @@ function drawKeys(ctx, { width, theme, scale, force }, row) {
 // Draw the scale of colours with its numbers and its name.
 function drawColours(ctx, { width, height, theme, quantity, limit, colours }, places) {
   const isFringes = quantity.name === "fringes";
-  const wide = Math.round(Math.min(300, width - 64));
+  const wide = Math.round(Math.min(300, width - places.beside));
   const left = Math.round((width - wide) / 2);
   const bar = height - places.bar;
   for (let k = 0; k < wide; k++) {

@@ -33,7 +33,8 @@ SLOWDOWN = 0.2  # fraction of the speed at which a contact passes in slow motion
 # smallest wall force in a contact, over M v per time unit of the springs (about its
 # peak)
 CONTACT_FORCE = 0.01
-PACE_TIME = 0.12  # time of the clock in which the pace changes, about [s]
+# time of the clock in which slow motion begins or ends, about [s]
+PACE_TIME = 0.12
 MAX_RESULTS = 200  # most rows of the table of results
 # simulated time per second of the clock while a curve is collected [R/c per s]
 COLLECTING_PACE = 50.0
@@ -113,7 +114,7 @@ class Sandbox:
     slow = False
     _clock = 0.0
     _load_before = 0.0
-    _pace = 0.0
+    _slowed = 1.0
 
     def __init__(self, scene: Scene, kernels: KernelCache) -> None:
         """Begin with `scene`. Raises TaichiDiskError."""
@@ -132,7 +133,7 @@ class Sandbox:
         self.paused = True
         self.message = ""
         self._due = 0.0
-        self._pace = self.speed
+        self._slowed = 1.0
         self.remaining_loads: list[float] = []
         self.grip: tuple[int, tuple[float, float]] | None = None
         self.drawn_throw: tuple[float, float] | None = None
@@ -168,17 +169,23 @@ class Sandbox:
     @property
     def pace(self) -> float:
         """Simulated time per second of the clock now [R/c per s]."""
+        return self._pace_at(self._slowing)
+
+    @property
+    def _slowing(self) -> float:
+        """Factor of the speed now: in slow motion a contact has a smaller one."""
         scenario: Any = self.time.segment.scenario
-        slows = self.slow and scenario.is_thrown
-        contact = (
-            CONTACT_FORCE * scenario.velocity / scenario.model.springs.time_unit
-            if slows
-            else inf
-        )
-        pace = self.speed * (
-            SLOWDOWN if self.time.segment.row[INDEX["wall_force"]] > contact else 1.0
-        )
-        return COLLECTING_PACE if self.remaining_loads else pace
+        if not (self.slow and scenario.is_thrown):
+            return 1.0
+        time_unit = scenario.model.springs.time_unit
+        contact = CONTACT_FORCE * scenario.velocity / time_unit
+        force = self.time.segment.row[INDEX["wall_force"]]
+        return SLOWDOWN if force > contact else 1.0
+
+    def _pace_at(self, slowing: float) -> float:
+        if self.remaining_loads:
+            return COLLECTING_PACE
+        return self.speed * slowing
 
     # ---- time
 
@@ -205,11 +212,11 @@ class Sandbox:
         return made
 
     def _eased_pace(self, seconds: float) -> float:
-        """Return the pace `seconds` of the clock later; in slow motion it changes
+        """Return the pace `seconds` of the clock later; slow motion begins and ends
         smoothly."""
-        late = exp(-seconds / PACE_TIME) if self.slow else 0.0
-        self._pace = self.pace + late * (self._pace - self.pace)
-        return self._pace
+        late = exp(-seconds / PACE_TIME)
+        self._slowed += (1.0 - late) * (self._slowing - self._slowed)
+        return self._pace_at(self._slowed)
 
     def _go(self, steps: int, max_seconds: float) -> int:
         """Make steps and report the end of the scene, a failure or a shorter step."""

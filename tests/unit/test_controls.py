@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from itertools import pairwise
 
 import pytest
 
@@ -36,7 +37,7 @@ def test_every_key_is_explained_and_reaches_what_it_names(controls: Controls) ->
     explained = " ".join(keys for keys, _ in controls.reference).split()
     assert set(explained) == set(controls.actions) >= {*REPEATING_KEYS} - {"i", "u"}
     assert len(explained) == len({*explained})
-    for key in ("a", "Up", "e", "t", "c", "f", "n"):
+    for key in ("a", "Up", "e", "t", "c", "m", "n"):
         controls.press(key)
     # the next scene has its own values
     assert sandbox.scene.wall.a == 300.0 and controls.number == 1
@@ -76,7 +77,42 @@ def test_the_keys_for_points_keep_the_viscosity_of_the_body(controls: Controls) 
     assert sandbox.scene.material.viscosity == MIN_VISCOSITY["material.viscosity"]
 
 
+def test_a_collected_curve_spans_a_factor_of_30_in_even_ratios(
+    controls: Controls,
+) -> None:
+    controls.collect()
+    loads = [0.1, *controls.sandbox.remaining_loads[1:]]
+    assert len(loads) == 8
+    assert loads[0] / loads[-1] == pytest.approx(30.0, rel=0.02)
+    ratios = [left / right for left, right in pairwise(loads)]
+    # loads are rounded to two digits
+    assert ratios == pytest.approx([30.0 ** (1 / 7)] * 7, rel=0.05)
+
+
 def test_a_key_raises_the_viscosity_from_zero(controls: Controls) -> None:
     controls.sandbox.set("material.eta_star", 0.0)
     controls.press("e")
     assert controls.value("material.eta_star") == MIN_VISCOSITY["material.eta_star"]
+
+
+def test_a_scene_of_the_list_may_set_the_pace(controls: Controls) -> None:
+    sandbox = controls.sandbox
+    controls.playlist[1] = controls.playlist[1]._replace(speed=3.0, slow=True)
+    controls.play(1)
+    assert sandbox.speed == 3.0 and sandbox.slow
+    controls.play(0)  # its pace is the user's
+    assert sandbox.speed == 3.0 and sandbox.slow
+
+
+def test_a_typed_speed_above_c_is_refused_and_a_large_n_is_limited_with_a_word(
+    controls: Controls, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sandbox = controls.sandbox
+    controls.attempt(controls.set, "impact.velocity", 5.0)
+    assert sandbox.scene.impact.velocity == 0.02 and "5 c" in sandbox.message  # type: ignore[union-attr]
+    controls.attempt(controls.set, "impact.velocity", 0.3)
+    assert sandbox.scene.impact.velocity == 0.3  # type: ignore[union-attr]
+    monkeypatch.setattr("taichi_disk.window.controls.MAX_POINTS", 150)
+    controls.attempt(controls.set, "lattice.points", 1e6)
+    assert sandbox.scene.lattice.points == 150
+    assert "150" in sandbox.message and "1000000" in sandbox.message

@@ -10,9 +10,11 @@ import pytest
 from bodies import SMALL, computed, driver_of, drivers_of
 from numpy.testing import assert_array_equal
 
+from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.computation.diagnostics import inverted_triangles
 from taichi_disk.computation.workload import announcement
 from taichi_disk.errors import InputError
+from taichi_disk.scenes.impact import ImpactScenario
 
 IMPACT = (
     "exponential_wall",
@@ -127,3 +129,79 @@ def test_a_run_of_many_steps_or_minutes_is_announced_and_no_other(kernels):
     )
     text = announcement(driver_of(kernels, *IMPACT, "time.dt=2e-7"))
     assert re.match(r"this will take about \d+ (min|h): some", text)
+
+
+def test_the_end_of_a_hovering_rod_is_not_asked_at_every_row(
+    kernels, monkeypatch, tmp_path
+):
+    # A rod that turns faster than it rises must clear the wall by its whole length.
+    asked = []
+    plain = ImpactScenario.time_to_end
+
+    def counted(scenario, columns):
+        asked.append(plain(scenario, columns))
+        return asked[-1]
+
+    monkeypatch.setattr(ImpactScenario, "time_to_end", counted)
+    axes = np.linspace(-1.0, 1.0, 17), np.linspace(-0.15, 0.15, 5)
+    rod = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+    np.savetxt(tmp_path / "rod.csv", rod, delimiter=",")
+    driver = driver_of(
+        kernels,
+        "exponential_wall",
+        f"lattice.file={tmp_path / 'rod.csv'}",
+        "material.eta_star=0",
+        "impact.turn=0.8",
+        "impact.velocity=0.05",
+    )
+    assert driver.advance() == "finished"
+    assert asked[0] > 300.0 * driver.interval and len(asked) < 20
+    # It has not ended much later than it could.
+    earlier = {name: values[[-3]] for name, values in driver.columns.items()}
+    assert driver.scenario.ended(driver.columns)
+    assert plain(driver.scenario, earlier) > 0.0
+
+
+def test_triangles_are_counted_over_the_whole_contact(kernels):
+    # None is inverted at the greatest compression, four are a little later.
+    folding = (
+        "exponential_wall",
+        "lattice.points=334",
+        "lattice.seed=14881",
+        "material.eta_star=5",
+        "impact.velocity=0.3044474127306886",
+        "impact.spin=0.9483723865185107",
+        "wall.a=250.27979947521234",
+        "wall.V0=125.13989973760617",
+    )
+    scenario, outcome = computed(kernels, *folding)
+    assert outcome.summary["inverted_triangles"] == 4
+    greatest = greatest_compression(outcome.columns)
+    (state,) = outcome.replay(np.array([greatest]))
+    assert inverted_triangles(scenario.lattice, state.positions) == 0
+
+
+def test_rows_follow_the_surface_of_a_fast_spin_on_a_slow_flight(kernels):
+    settings = (
+        "exponential_wall",
+        "lattice.points=44",
+        "lattice.seed=878246",
+        "lattice.rim=false",
+        "lattice.min_spacing=0.05575",
+        "impact.velocity=0.005342",
+        "impact.spin=0.2141",
+        "wall.a=3772",
+        "wall.V0=1886",
+        "material.eta_star=5.217",
+        "material.k_b=0.3314",
+    )
+    scenario, outcome = computed(kernels, *settings)
+    errors = outcome.summary["error_estimate"]
+    # 0.27 and 0.012 if rows follow the centre alone
+    assert errors["contact_time"] < 1e-3 and errors["spin_after"] < 1e-4
+    finer = f"time.sample_interval={scenario.row_interval / 4}"
+    _, closer = computed(kernels, *settings, finer, estimate=False)
+    numbers = scenario.result(closer.columns)
+    for name in ("contact_time", "spin_after"):
+        error = abs(numbers[name] - outcome.summary[name])
+        assert error <= errors[name], name

@@ -18,6 +18,7 @@ from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.observables import ENERGY_INDICES, INDEX
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window.app import list_folder, list_presets
+from taichi_disk.window.controls import Entry
 from taichi_disk.window.history import MAX_STATES, Segment
 from taichi_disk.window.sandbox import SLOWDOWN, Experiment, Sandbox, with_key
 
@@ -242,7 +243,7 @@ def test_a_row_of_the_table_tells_throws_of_different_lattices_apart(
         sandbox.set("lattice.seed", seed)
         to_the_end(sandbox)
     assert [one.seed for one in sandbox.results] == [3, 4]
-    columns = (Path(taichi_disk.__file__).parent / "web" / "controls.js").read_text(
+    columns = (Path(taichi_disk.__file__).parent / "web" / "results.js").read_text(
         encoding="utf-8"
     )
     assert all(
@@ -531,6 +532,8 @@ def test_a_blow_up_is_told_and_any_change_gives_time_back(
 
 
 def test_presets_are_the_shipped_scenes_and_what_they_suggest() -> None:
+    groups = list(dict.fromkeys(one.group for one in list_presets(None)))
+    assert len(groups) == 4 and list_presets(None)[1].name == "Backspin"
     first = load_scene("compression", [])
     entries = list_presets(first)
     scenes = [one.load() for one in entries]
@@ -542,6 +545,30 @@ def test_presets_are_the_shipped_scenes_and_what_they_suggest() -> None:
     assert len(entries) == 21 and all(
         one.name and one.sentence.endswith(".") for one in entries
     )
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("entry", list_presets(None), ids=lambda entry: entry.name)
+def test_no_scene_of_the_list_is_computed_again(
+    entry: Entry, kernels: KernelCache
+) -> None:
+    sandbox = Sandbox(entry.load(), kernels)
+    sandbox.speed = 10.0
+    sandbox.pause()
+    while not sandbox.paused and sandbox.time.segment.now < 40.0:
+        sandbox.advance(0.5, max_seconds=10.0)
+        assert sandbox.time.lead <= 0.0, sandbox.message
+
+
+def test_a_row_of_the_table_can_be_removed(kernels: KernelCache) -> None:
+    sandbox = opened(kernels)
+    row = Experiment._make([None] * len(Experiment._fields))
+    sandbox.results = [row._replace(value=k) for k in range(3)]
+    sandbox.remove(1.0)
+    assert [one.value for one in sandbox.results] == [0, 2]
+    sandbox.remove(-1.0)  # no row of the table
+    sandbox.remove(2.0)
+    assert [one.value for one in sandbox.results] == [0, 2]
 
 
 def test_a_folders_scenes_are_stepped_through_in_order(

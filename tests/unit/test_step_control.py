@@ -349,3 +349,80 @@ def test_a_tolerance_that_cannot_be_shown_is_a_failure_with_advice(
         match=r"the error of the result after [1-9] runs is .*write a larger",
     ):
         computed(kernels, *SMALL[:2], "time.tolerance=1e-9", "impact.velocity=0.1")
+
+
+CHAOTIC = (
+    "absorbing_wall",
+    "lattice.points=40",
+    "lattice.seed=805583",
+    "material.eta_star=0",
+    "impact.velocity=0.15",
+    "impact.spin=0.08932",
+    "impact.offset=0.01591",
+    "wall.a=3000",
+    "wall.V0=1500",
+    "wall.width=3.572",
+    "wall.points=87",
+    "wall.boundary=reset",
+    "wall.contact=smooth",
+    "wall.k_a=0.2635",
+    "wall.reset_interval=0.009079",
+    "wall.threshold=0.1",
+)
+
+
+def test_no_tolerance_is_granted_to_a_chaotic_impact(kernels):
+    # Estimates at ever shorter steps were 1.0, 2.6, 3.8, 2.1, 0.5, 1.4e-2, and then one
+    # below the tolerance by chance.
+    text = (
+        r"this impact is chaotic: e changes by 0\.00\d+ when the start moves by 1e-10"
+    )
+    with pytest.raises(SimulationError, match=text):
+        computed(kernels, *CHAOTIC, "time.tolerance=1e-3")
+
+
+def test_a_result_that_is_hardly_known_is_printed_with_a_warning(kernels):
+    _, outcome = computed(kernels, *CHAOTIC)
+    error = outcome.summary["error_estimate"]["restitution"]
+    assert 5e-3 < error < 0.1
+    (warning,) = outcome.summary["warnings"]
+    assert "the estimated error of restitution is 0.0" in warning
+    assert "time.tolerance" in warning
+
+
+@pytest.mark.parametrize(
+    ("errors", "is_asked"),
+    [
+        # fall as they should
+        ([4e-4, 1e-4, 2e-5], False),
+        # one is small by chance, then they rise and fall
+        ([4e-4, 6e-4, 6e-4, 2e-5], True),
+        # more than 0.1 % of the result
+        ([4e-3, 2e-5], True),
+    ],
+)
+def test_starts_are_turned_if_estimates_do_not_fall(
+    errors, is_asked, kernels, monkeypatch
+):
+    turned = []
+    remaining = list(errors)
+    monkeypatch.setattr(
+        error_estimate,
+        "second_run",
+        lambda driver: error_estimate.SecondRun({"restitution": remaining.pop(0)}, 0),
+    )
+    monkeypatch.setattr(
+        error_estimate,
+        "change_of_turned_starts",
+        lambda driver: turned.append(driver) or 1e-9,
+    )
+    _, outcome = computed(kernels, *SMALL, "time.tolerance=3e-5")
+    assert outcome.summary["error_estimate"]["restitution"] == errors[-1]
+    assert bool(turned) is is_asked
+
+
+def test_a_turned_start_hardly_changes_an_ordinary_impact(kernels):
+    driver = driver_of(kernels, *SMALL)
+    driver.advance()
+    # as many times 1e-10 as the restitution depends on the angle
+    assert 1e-14 < error_estimate.change_of_turned_starts(driver) < 1e-8

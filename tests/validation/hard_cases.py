@@ -119,6 +119,60 @@ def _twins(scene: Scene) -> Lattice:
     return triangulate(x)
 
 
+def _beside_a_spring(scene: Scene) -> Lattice:
+    """Return the scene's disk with one inner point moved to 1e-12 R beside the middle
+    of a spring, which makes a flat triangle."""
+    disk = scene.body()
+    x = disk.positions.copy()
+    inside = np.setdiff1d(np.arange(len(x)), disk.disk_surface)
+    # a triangle of inner points, of which the first comes to lie beside the others
+    corners = next(
+        corners for corners in disk.triangles if np.isin(corners, inside).all()
+    )
+    point, one, other = corners
+    side = x[other] - x[one]
+    across = np.array([-side[1], side[0]]) / np.hypot(*side)
+    x[point] = 0.5 * (x[one] + x[other]) + 1e-12 * across
+    return Lattice.from_points(x, triangles=disk.triangles)
+
+
+def _light_point(scene: Scene) -> Lattice:
+    """Return the scene's disk with one inner point of 1e-8 times the others' mass."""
+    disk = scene.body()
+    masses = np.ones(len(disk.positions))
+    masses[_inner(disk)] = 1e-8
+    return Lattice.from_points(disk.positions, triangles=disk.triangles, masses=masses)
+
+
+def _stiff_springs(scene: Scene) -> Lattice:
+    """Return the scene's disk with springs of 1e6 times the stiffness at one inner
+    point."""
+    disk = scene.body()
+    stiffness = np.ones(len(disk.bonds))
+    stiffness[(disk.bonds == _inner(disk)).any(axis=1)] = 1e6
+    return Lattice.from_points(
+        disk.positions, disk.bonds, triangles=disk.triangles, stiffness=stiffness
+    )
+
+
+def _inner(disk: Lattice) -> int:
+    return int(np.setdiff1d(np.arange(len(disk.positions)), disk.disk_surface)[0])
+
+
+def _turned(angle: float) -> Callable[[Scenario], Scenario]:
+    """Return a change of a start: the disk is turned by a small `angle` [rad]."""
+
+    def turn(scenario: Scenario) -> Scenario:
+        lattice = scenario.lattice
+        n = lattice.disk_points
+        positions = lattice.positions.copy()
+        arm = positions[:n] - lattice.mean(positions)
+        positions[:n] += angle * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+        return replace(scenario, lattice=replace(lattice, positions=positions))
+
+    return turn
+
+
 def _shifted(x: float) -> Callable[[Scenario], Scenario]:
     def shift(scenario: Scenario) -> Scenario:
         positions = scenario.lattice.positions.copy()
@@ -162,7 +216,25 @@ CRUSHED = (
     EIGHTY + EXPLICIT + " time.dt=0.018 impact.velocity=5 wall.a=30 material.k_a=0.01"
 )
 
+CHAOTIC = (
+    "lattice.points=40 lattice.seed=805583 impact.velocity=0.15 wall.a=3000"
+    " wall.V0=1500 material.eta_star=0 impact.spin=0.08932 wall.width=3.572"
+    " wall.points=87 wall.boundary=reset wall.contact=smooth wall.k_a=0.2635"
+    " wall.reset_interval=0.009079 wall.threshold=0.1 impact.offset=0.01591"
+)
+FOLDING = (
+    "lattice.points=334 lattice.seed=14881 material.eta_star=5"
+    " impact.velocity=0.3044474127306886 impact.spin=0.9483723865185107"
+    " wall.a=250.27979947521234 wall.V0=125.13989973760617"
+)
+FAST_SPIN = (
+    "lattice.points=44 lattice.seed=878246 lattice.rim=false"
+    " lattice.min_spacing=0.05575 material.eta_star=5.217 material.k_b=0.3314"
+    " impact.velocity=0.005342 impact.spin=0.2141 wall.a=3772 wall.V0=1886"
+)
+
 INSIDE_OUT = "turned inside out"
+UNCERTAIN = "estimated error of restitution.*time.tolerance"
 DENTED = (
     "dented the wall, gone through it or slipped off its end.*lower"
     " impact.velocity.*wall.width"
@@ -214,6 +286,40 @@ CASES = (
         tells=INSIDE_OUT,
         body=_twins,
     ),
+    Case(
+        "a flat triangle, 10⁻¹² R high",
+        RIGID,
+        FREE,
+        tells=INSIDE_OUT,
+        body=_beside_a_spring,
+    ),
+    Case("a point of 10⁻⁸ times the mass", RIGID, FREE, body=_light_point),
+    Case("springs of 10⁶ times the stiffness", RIGID, FREE, body=_stiff_springs),
+    Case("V0 = 10⁻⁹", RIGID, FREE + "wall.V0=1e-9"),
+    Case(
+        "a ring that touches many times",
+        RIGID,
+        UNDAMPED + "lattice.hole=0.8 wall.a=3000 wall.V0=1500 impact.velocity=0.1",
+        tells=INSIDE_OUT,
+    ),
+    Case("chaotic impact", ELASTIC, CHAOTIC, tells=UNCERTAIN),
+    Case(
+        "the same, turned by 10⁻¹⁰",
+        ELASTIC,
+        CHAOTIC,
+        tells=UNCERTAIN,
+        start=_turned(1e-10),
+    ),
+    Case(
+        "the same, with a tolerance",
+        ELASTIC,
+        CHAOTIC + " time.tolerance=1e-3",
+        "stopped",
+        "chaotic: e changes by.*start moves",
+        quick=True,
+    ),
+    Case("folds after the greatest compression", RIGID, FOLDING, tells=INSIDE_OUT),
+    Case("fast spin on a slow flight", RIGID, FAST_SPIN, tells="dashpots took.*axial"),
     Case(
         "literal lattice 0, hull of slivers", RIGID, FREE + LITERAL + "lattice.seed=0"
     ),

@@ -176,6 +176,31 @@ def test_the_energy_of_a_free_disk_does_not_drift_in_a_million_steps(
         assert abs(found.slope) < drift + 4.0 * found.slope_error < drift + 8e-3
 
 
+@pytest.mark.parametrize(
+    ("points", "fraction", "strain"),
+    [(60, 0.8, 1e-3), (60, 0.8, 4e-3), (60, 0.95, 1e-3), (200, 0.8, 2e-3)],
+)
+def test_corrected_forces_change_the_energy_of_white_noise_by_some_per_cent(
+    points: int, fraction: float, strain: float, kernels: KernelCache
+) -> None:
+    # Velocities are independent from point to point, so that the fastest modes have
+    # their share. Measured: -0.8 to +2.7 % in a million steps.
+    lattice = disk_lattice(points, 0)
+    model = Model(Springs())
+    modes = spectrum(lattice, model)
+    limit = step_limit(modes, model, TAKAHASHI_IMADA, 0.0)
+    velocities = np.random.default_rng(1).standard_normal((points, 2))
+    velocities -= velocities.mean(axis=0)
+    velocities *= 0.5 * strain * np.median(lattice.rest_lengths) * modes.omega
+    simulation = kernels.simulation(
+        lattice, model, TAKAHASHI_IMADA, velocities, fraction * limit
+    )
+    rows, _ = simulation.advance(1_000_000, 1000)
+    energy = rows[:, MECHANICAL].sum(axis=1)
+    change = energy[-100:].mean() / energy[:100].mean() - 1.0
+    assert 1e-4 < abs(change) < 0.05
+
+
 def test_the_energy_of_a_bouncing_disk_wanders_as_the_square_of_the_step(
     kernels: KernelCache,
 ) -> None:

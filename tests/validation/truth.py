@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.accuracy.steps import Reference
+from taichi_disk.computation.error_estimate import measured
 from taichi_disk.computation.outcome import compute
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.errors import SimulationError
@@ -104,7 +105,7 @@ def refined(
         )
         finer_scenario = replace(scenario, scene=replace(scenario.scene, time=time))
         columns = compute(finer_scenario, estimate=False).columns
-        found.append(scenario.result(columns))
+        found.append(measured(scenario, columns))
     return {
         name: (value, abs(value - found[0][name]))
         for name, value in found[1].items()
