@@ -32,6 +32,12 @@ def pip_install(what: str) -> str:
     return f"{sys.executable or 'python'} -m pip install '{what}'"
 
 
+def install_extra(name: str) -> str:
+    """Return the command that installs an extra of this package, which is on no
+    package index."""
+    return f"{pip_install(f'.[{name}]')}, in the folder of its source"
+
+
 def nearest(word: Any, names: Iterable[str]) -> list[str]:
     by_lower = {name.lower(): name for name in names}
     matches = (

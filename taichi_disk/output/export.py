@@ -16,7 +16,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import yaml
 
-from taichi_disk.errors import InputError, pip_install
+from taichi_disk.errors import InputError, install_extra
 from taichi_disk.fields import Triangles, point_stress, pressure, stress
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.output.files import (
@@ -374,7 +374,7 @@ def check_export(path: Path, format: str | None = None) -> tuple[Path, Format]:
     kind = FORMATS[found]
     if kind.package and find_spec(kind.package) is None:
         needed = f"the format {found} needs the package {kind.package}"
-        raise InputError(f"{needed}: {pip_install('taichi-disk[export]')}")
+        raise InputError(f"{needed}: {install_extra('export')}")
     prepare_output(path.parent)
     if kind.write is _write_vtu:
         check_pictures(path.with_suffix(""))

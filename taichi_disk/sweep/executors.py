@@ -24,7 +24,12 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from taichi_disk import runtime
-from taichi_disk.errors import InputError, SimulationError, TaichiDiskError, pip_install
+from taichi_disk.errors import (
+    InputError,
+    SimulationError,
+    TaichiDiskError,
+    install_extra,
+)
 from taichi_disk.machine import cores
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import lattice_key
@@ -182,7 +187,7 @@ def count_workers(address: str) -> int:
         from distributed.core import rpc
     except ImportError:
         raise InputError(
-            f"Dask needs the package distributed: {pip_install('taichi-disk[cluster]')}"
+            f"Dask needs the package distributed: {install_extra('cluster')}"
         ) from None
 
     async def identity() -> Any:

@@ -56,7 +56,6 @@ _COMMANDS = {
 _REPLACED = ("set", "speed", "scrub", "turn", "aim", "pull")
 # points; a larger lattice takes longer to build than a picture may take
 LARGE_LATTICE = 5000
-_LIVE_KEYS = ("speed", "video.magnify")  # that need no new start
 HEADER = struct.Struct("<IdIIiI2f")  # see `Session._state`
 PAST_HINT = "earlier state: Go on continues from here"
 AIM_HINT = "drag the disk to turn it, or from beside it to aim"
@@ -108,7 +107,7 @@ class Session:
         self._command_count = 0
         self._pending: dict[Any, dict[str, Any]] = {}
         self._text_keys: dict[str, Any] = {}
-        # what watchers see who have chosen other colours
+        # what watchers see who have chosen another look
         self._other_scales: dict[str, Scales] = {}
         self._other_messages: dict[Look, dict[str, Any]] = {}
         hello = {
@@ -175,12 +174,14 @@ class Session:
         """Return the messages that depend on the look."""
         if look.colour not in self._other_scales:
             self._other_scales[look.colour] = Scales(self.sandbox, look.colour)
+        scales = self._other_scales[look.colour]
         scene = self.sandbox.scene
         shown = replace(scene, video=replace(scene.video, **look._asdict()))
+        state = self._state(look, scales)
         return {
-            "panel": _text("panel", self._panel(look)),
+            "panel": _text("panel", self._panel(look, scales)),
             "yaml": _text("yaml", {"text": shown.to_yaml()}),
-            "state": self._state(look, self._other_scales[look.colour]),
+            "state": state,
         }
 
     def advance(self) -> None:
@@ -227,7 +228,7 @@ class Session:
             self._write("graphs", self._graphs_key(), self.graphs.message)
         self._write("yaml", sandbox.scene, lambda: {"text": sandbox.scene.to_yaml()})
         self.state = self._state(self.look, self.scales)
-        panel = self._panel(self.look)
+        panel = self._panel(self.look, self.scales)
         self._write("panel", panel, lambda: panel)
         self._other_messages = {}
 
@@ -250,14 +251,7 @@ class Session:
         last = time.segment
         hit_began = time.display.segment.hit_began
         is_past = time.lead < 0.0
-        return (
-            last,
-            hit_began,
-            last.attempt,
-            last.status,
-            self.sandbox.paused,
-            is_past,
-        )
+        return last, hit_began, last.attempt, last.status, self.sandbox.paused, is_past
 
     def _write(
         self, kind: str, key: Any, content: Callable[[], dict[str, Any]]
@@ -284,25 +278,19 @@ class Session:
         positions (2n), values and forces (3k) follow as float32, and the caption in
         UTF-8.
         """
-        state = self.sandbox.time.display
+        sandbox = self.sandbox
+        state = sandbox.time.display
         scenario = state.segment.scenario
-        lattice = scenario.lattice
         springs = scenario.model.springs
+        lattice = scenario.lattice
         x = state.x
         v = state.v
-        values = colour_values(
-            look.colour,
-            self._triangles,
-            springs,
-            x,
-            v,
-            of_springs=look.draw == "springs",
-        )
+        of_springs = look.draw == "springs"
+        values = colour_values(look.colour, self._triangles, springs, x, v, of_springs)
         forces = contact_forces(scenario.model.wall, lattice, springs, x, v)
         scales.update(values[: lattice.disk_points], forces)
+        pulled = sandbox.grip[0] if sandbox.grip else -1
         t = state.t - state.segment.hit_began
-        grip = self.sandbox.grip
-        pulled = grip[0] if grip else -1
         header = HEADER.pack(
             self.number,
             t,
@@ -328,35 +316,31 @@ class Session:
             lines.append(f"*{scenario.symbol} = {printed(scenario.symbol, result)}")
         return "\n".join(lines)
 
-    def _panel(self, look: Look) -> dict[str, Any]:
+    def _panel(self, look: Look, scales: Scales) -> dict[str, Any]:
         sandbox = self.sandbox
-        entry = self.controls.playlist[self.controls.number]
+        controls = self.controls
+        entry = controls.playlist[controls.number]
         return {
-            "name": entry.name,
-            "sentence": entry.sentence,
-            "number": self.controls.number,
-            "title": [*sandbox.time.display.segment.scenario.title()],
-            "message": sandbox.message or self.scales.note,
-            "hint": self._hint(),
+            "message": sandbox.message or scales.note,
             "status": sandbox.status,
             "warnings": sandbox.warnings,
             "paused": sandbox.paused,
             "slow": sandbox.slow,
             "aimed": sandbox.drawn_throw,
+            "name": entry.name,
+            "sentence": entry.sentence,
+            "number": controls.number,
+            "title": [*sandbox.time.display.segment.scenario.title()],
+            "hint": self._hint(),
             "atStart": sandbox.at_start,
             "sliders": self._sliders(),
             "choices": self._choices(look),
             "seed": sandbox.scene.lattice.seed,
             "collecting": len(sandbox.remaining_loads),
             "results": [one._asdict() for one in sandbox.results],
-            "loadRange": self._load_range(),
             "again": self._recomputed(),
+            "loadRange": self._load_range(),
         }
-
-    def _load_range(self) -> tuple[float, float]:
-        """Return the ends of the slider of the speed or load."""
-        usual = RANGES[load_key(self.sandbox.scene)]
-        return usual.low, usual.high
 
     def _recomputed(self) -> float:
         """Return the fraction of the way to the state on display that has been computed
@@ -366,25 +350,28 @@ class Session:
             return 1.0
         return round(time.segment.now / time.display.t, 2)
 
+    def _load_range(self) -> tuple[float, float]:
+        """Return the ends of the slider of the speed or load."""
+        usual = RANGES[load_key(self.sandbox.scene)]
+        return usual.low, usual.high
+
     def _hint(self) -> str:
-        sandbox = self.sandbox
-        if sandbox.time.lead < 0.0:
+        if self.sandbox.time.lead < 0.0:
             return PAST_HINT
-        if sandbox.can_aim:
+        if self.sandbox.can_aim:
             return AIM_HINT
         return ""
 
     def _sliders(self) -> list[dict[str, Any]]:
-        """Return the numbers of the present scene; `live` numbers take effect while
-        their slider is dragged."""
+        """Return the numbers of the scene. `live`: whether a number changes during the
+        drag of its slider; a change that takes long waits for the end of the drag."""
         sandbox = self.sandbox
-        # A change that needs a new start waits for the end of the drag if the start
-        # takes long.
         is_large = sandbox.scene.lattice.points > LARGE_LATTICE
         is_slow = sandbox.at_start and (is_large or not sandbox.can_aim)
         sliders = []
         for key, one in self.controls.ranges.items():
-            live = key != "lattice.points" and (key in _LIVE_KEYS or not is_slow)
+            is_light = key in ("speed", "video.magnify")
+            live = key != "lattice.points" and (is_light or not is_slow)
             value = self.controls.value(key)
             sliders.append({"key": key, "value": value, "live": live} | one._asdict())
         return sliders
