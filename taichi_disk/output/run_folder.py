@@ -238,9 +238,9 @@ def _copy(old: Path, new: Path) -> None:
 
 def refuse_run(out: Path) -> None:
     """Raise InputError if `out` holds a run, or cannot be read."""
-    if not out.is_dir():
-        return
     try:
+        if not out.is_dir():
+            return
         contents = inspect(out)
     except OSError as error:
         raise files.cannot_write(out, error) from None
