@@ -436,7 +436,7 @@ class Result:
         """
         out = as_path(out, "out")
         text = self.own.repeating(self.scene).to_yaml()
-        with run_folder(out, text, True, overwrite, lattice=self.own.digest) as folder:
+        with run_folder(out, text, False, overwrite, lattice=self.own.digest) as folder:
             work = Work(self.scene, self.own.disk, self.own.velocities)
             work.write_start(folder.path, self.scenario)
             with drawing_process(video) as artist:
@@ -593,7 +593,7 @@ def run(
         return Result(work.scene, outcome, own=own)
     out = as_path(out, "out")
     text = own.repeating(work.scene).to_yaml()
-    with run_folder(out, text, not count_on, overwrite, say, own.digest) as folder:
+    with run_folder(out, text, count_on, overwrite, say, own.digest) as folder:
         if export:
             from taichi_disk.output.export import check_export
 
