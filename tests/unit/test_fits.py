@@ -16,11 +16,11 @@ from taichi_disk.figures.curves import (
     FITS,
     Curve,
     analyse,
-    curve_rows,
     curve_styles,
     curves_figure,
     draw,
 )
+from taichi_disk.figures.texts import curve_rows
 from taichi_disk.scenes import load_scene
 from taichi_disk.scenes.compression import paper_compression
 
