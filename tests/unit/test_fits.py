@@ -12,11 +12,11 @@ from matplotlib.colors import to_hex, to_rgb
 
 from docs.experiments.quasistatic import quasistatic_impact
 from taichi_disk.figures import theory
+from taichi_disk.figures.axes import curve_styles
 from taichi_disk.figures.curves import (
     FITS,
     Curve,
     analyse,
-    curve_styles,
     curves_figure,
     draw,
 )
