@@ -48,17 +48,16 @@ class Sweep:
     def to_yaml(self) -> str:
         """Return the sweep as YAML with all defaults; reading it gives an equal
         sweep."""
-        swept = {".".join(target_of(self.scenes[0], name) or ()) for name in self.axes}
+        first = self.scenes[0]
+        swept = [".".join(target_of(first, name) or ()) for name in self.axes]
         lines = ["sweep:"]
         for block in self.blocks:
-            written = [
-                f"{name}: [{', '.join(map(yaml_scalar, values))}]"
-                for name, values in block.items()
-            ]
-            lines += [
-                ("    " if k else "  - ") + line for k, line in enumerate(written)
-            ]
-        return self.scenes[0].to_yaml(leave_out=swept) + "\n".join(lines) + "\n"
+            start = "  - "
+            for name, values in block.items():
+                written = ", ".join(map(yaml_scalar, values))
+                lines.append(f"{start}{name}: [{written}]")
+                start = "    "
+        return first.to_yaml(leave_out=swept) + "\n".join(lines) + "\n"
 
 
 def target_of(scene: DiskScene | type[DiskScene], name: str) -> tuple[str, str] | None:
