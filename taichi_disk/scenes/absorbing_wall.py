@@ -52,7 +52,9 @@ class AbsorbingWallScene(ImpactScene):
     impact: ElasticImpactSection = ElasticImpactSection()
 
     def conflicts(self) -> Conflicts:
-        matched = ["wall.boundary = dashpot"] * (self.wall.boundary == "dashpot")
+        matched = []
+        if self.wall.boundary == "dashpot":
+            matched = ["wall.boundary = dashpot"]
         resets = bool(self.reset_interval)
         conflicts = super().conflicts() + time_conflicts(
             self.time, self.material, *matched, resets=resets
@@ -145,12 +147,16 @@ class AbsorbingWallScene(ImpactScene):
 
     @property
     def reset_interval(self) -> float:
-        return self.wall.reset_interval if self.wall.boundary == "reset" else 0.0
+        if self.wall.boundary != "reset":
+            return 0.0
+        return self.wall.reset_interval
 
     @property
     def wall_k_a(self) -> float:
         """Linear spring constant of the wall [M c^2/R^2]."""
-        return self.material.k_a if self.wall.k_a == "same" else self.wall.k_a
+        if self.wall.k_a == "same":
+            return self.material.k_a
+        return self.wall.k_a
 
     @property
     def softer_k_a(self) -> float:

@@ -106,12 +106,7 @@ def _axes(
         mark = tree.entries[path].key
         target = target_of(kind, name)
         if target is None:
-            names = [
-                key
-                for section, one in kind.sections().items()
-                if section != "video"
-                for key in one.schema()
-            ]
+            names = [key for key in kind.key_names() if target_of(kind, key)]
             word = name.split(".")[-1]
             hint = did_you_mean(ALIASES.get(word.lower(), word), names)
             tree.fault(
