@@ -513,7 +513,7 @@ class Result:
 
 @reported
 @runtime.alone()
-def run(
+def run(  # noqa: PLR0913 (keywords, one for each option of the command)
     scene: Scene | Source,
     out: Path | str | None = None,
     *,
