@@ -20,6 +20,7 @@ from taichi_disk.machine import cores
 from taichi_disk.progress import terminal
 from taichi_disk.signals import INTERRUPTED, raise_if_interrupted
 
+DEFAULT_SCENE = "exponential_wall"  # of `view`
 _TRAJECTORIES = ("xyz", "gsd", "vtu", "npz")
 
 
@@ -32,7 +33,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     # Library warnings are meant for developers, and with PYTHONWARNINGS=error they
     # would end a run.
     warnings.simplefilter("ignore")
-    given = list(sys.argv[1:] if argv is None else argv)
+    if argv is None:
+        argv = sys.argv[1:]
+    given = list(argv)
     try:
         parser = _parser()
         if not given:
@@ -48,11 +51,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         _print_error(f"error: {error}")
         return error.exit_status
     except KeyboardInterrupt:
-        _print_error(
-            "interrupted"
-            + "; finished scenes are kept: repeat the command to go on"
-            * (given[:1] == ["sweep"])
-        )
+        text = "interrupted"
+        if given[:1] == ["sweep"]:
+            text += "; finished scenes are kept: repeat the command to go on"
+        _print_error(text)
         return INTERRUPTED
     except (MemoryError, RuntimeError) as error:
         if not isinstance(error, MemoryError) and "memory" not in str(error):
@@ -65,7 +67,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:
         if not isinstance(error, BrokenPipeError):  # the reader has gone (| head)
             _print_error(f"error: {system_message(error)}")
-        return InputError.exit_status if isinstance(error, PermissionError) else 1
+        if isinstance(error, PermissionError):
+            return InputError.exit_status
+        return 1
 
 
 def _print_error(text: str) -> None:
@@ -82,14 +86,15 @@ def _print_error(text: str) -> None:
         print(text, file=sys.stderr, flush=True)
 
 
-def _note(text: str) -> None:
+def _say(text: str) -> None:
     _print_error(f"note: {text}")
 
 
 def _load(arguments: argparse.Namespace, what: str = "scene") -> Any:
     from taichi_disk import scenes
 
-    return getattr(scenes, f"load_{what}")(arguments.scene, arguments.overrides)
+    load = getattr(scenes, f"load_{what}")
+    return load(arguments.scene or DEFAULT_SCENE, arguments.overrides)
 
 
 def _options(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
@@ -97,12 +102,14 @@ def _options(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
 
 
 def _out(arguments: argparse.Namespace, suffix: str = "") -> Path:
+    if arguments.out:
+        return Path(arguments.out)
     scene = Path(arguments.scene)
+    name = scene.name
     # for "...yaml" the folder would be out/..
-    has_stem = scene.suffix in (".yaml", ".yml") and scene.stem.strip(".")
-    return arguments.out or Path(
-        "out", (scene.stem if has_stem else scene.name) + suffix
-    )
+    if scene.suffix in (".yaml", ".yml") and scene.stem.strip("."):
+        name = scene.stem
+    return Path("out", name + suffix)
 
 
 # ---- commands. Each loads its scene before it imports anything else, so that faults
@@ -120,7 +127,7 @@ def _run(arguments: argparse.Namespace) -> int:
     )
     options |= {
         "count_on": arguments.out is None,
-        "say": _note,
+        "say": _say,
         "started": perf_counter() - BEGAN,
     }
     with terminal(sys.stderr) as progress:
@@ -128,7 +135,7 @@ def _run(arguments: argparse.Namespace) -> int:
     summary = result.summary
     print_result(summary, result.scenario.labels, result.out)
     for text in summary.get("notes", ()):
-        _note(text)
+        _say(text)
     errors = [summary.get("video_error"), summary.get("export_error")]
     if summary["status"] != "done":
         errors.append(summary["reason"])
@@ -147,7 +154,7 @@ def _sweep(arguments: argparse.Namespace) -> int:
     options = _options(arguments, "jobs", "scheduler", "part", "estimate")
     with terminal(sys.stderr) as progress:
         result = run_sweep(
-            sweep, _out(arguments), progress=progress, say=_note, **options
+            sweep, _out(arguments), progress=progress, say=_say, **options
         )
     print_sweep(result)
     return int(bool(result.failed))
@@ -157,17 +164,16 @@ def _view(arguments: argparse.Namespace) -> None:
     from taichi_disk.scenes import shipped_scenes
     from taichi_disk.window.app import view
 
-    is_plain = arguments.scene is None and not arguments.overrides
-    arguments.scene = arguments.scene or "exponential_wall"
-    folder = Path(arguments.scene).is_dir() and arguments.scene not in shipped_scenes()
-    if folder and arguments.overrides:
+    name = arguments.scene or DEFAULT_SCENE
+    is_folder = Path(name).is_dir() and name not in shipped_scenes()
+    if is_folder and arguments.overrides:
         raise InputError(
             "--set cannot change the scenes of a folder: name one scene file instead"
         )
     scene: Any = None
-    if folder:
-        scene = Path(arguments.scene)
-    elif not is_plain:
+    if is_folder:
+        scene = Path(name)
+    elif arguments.scene or arguments.overrides:
         scene = _load(arguments)
     view(
         scene,
@@ -198,15 +204,12 @@ def _render(arguments: argparse.Namespace) -> None:
         if value is not None
     ]
     with terminal(sys.stderr) as progress:
-        load = partial(Result.load, progress=progress, estimate=False, say=_note)
-        result, *others = (
-            load(arguments.folder, overrides),
-            *map(load, arguments.compare),
-        )
-        name, form = "comparison" if others else "render", result.scene.video.format
-        out = arguments.out or arguments.folder / (
-            name if form == "png" else f"{name}.{form}"
-        )
+        load = partial(Result.load, progress=progress, estimate=False, say=_say)
+        result = load(arguments.folder, overrides)
+        others = [load(folder) for folder in arguments.compare]
+        out = arguments.out
+        if not out:
+            out = arguments.folder / _film_name(result.scene.video.format, bool(others))
         result.film(
             out,
             others,
@@ -214,21 +217,36 @@ def _render(arguments: argparse.Namespace) -> None:
             at=arguments.at,
             start=arguments.start,
             end=arguments.end,
+            labels=arguments.label,
         )
-    print(f"{'picture' if out.suffix == '.png' else 'film'} in {out}")
+    what = "film"
+    if out.suffix == ".png":
+        what = "picture"
+    print(f"{what} in {out}")
+
+
+def _film_name(form: str, is_comparison: bool) -> str:
+    name = "render"
+    if is_comparison:
+        name = "comparison"
+    if form == "png":  # a folder of pictures
+        return name
+    return f"{name}.{form}"
 
 
 def _export(arguments: argparse.Namespace) -> None:
     from taichi_disk.api import Result
 
-    form = arguments.format or (None if arguments.out else "xyz")
-    result = Result.load(arguments.folder, say=_note)
+    form = arguments.format
+    if not form and not arguments.out:
+        form = "xyz"
+    result = Result.load(arguments.folder, say=_say)
     out = result.export(
         arguments.out or arguments.folder,
         form,
         arguments.frames,
         arguments.times,
-        say=_note,
+        say=_say,
     )
     print(f"trajectory in {out}")
 
@@ -247,7 +265,7 @@ def _accuracy(arguments: argparse.Namespace) -> None:
     from taichi_disk.accuracy.study import study
 
     name = " ".join([Path(arguments.scene).stem, *arguments.overrides])
-    study(scene, _out(arguments, "_accuracy"), name, _note)
+    study(scene, _out(arguments, "_accuracy"), name, _say)
 
 
 def _doctor(arguments: argparse.Namespace) -> int:
@@ -388,6 +406,8 @@ def _parser() -> argparse.ArgumentParser:
     add("folder", type=_path, metavar="DIR", help="folder of the run")
     what = "up to three more runs, shown at the right; titles name the keys that differ"
     add("--compare", type=_path, nargs="+", default=[], metavar="DIR", help=what)
+    what = "titles of the runs, in place of the keys that differ: one for each run"
+    add("--label", nargs="+", default=[], metavar="TEXT", help=what)
     what = (
         ".mp4, .webm or .gif; .html: page that plays the film without internet; .png:"
         " one picture; no suffix: folder"
@@ -510,9 +530,9 @@ def _path(text: str) -> Path:
 
 
 def _count(text: str, most: int = 100_000) -> int:
-    value = int(text) if text.isdecimal() and len(text) < 10 else 0
-    if not 1 <= value <= most:
+    is_number = text.isdecimal() and len(text) < 10
+    if not (is_number and 1 <= int(text) <= most):
         raise argparse.ArgumentTypeError(
             f"{text!r} is not a whole number from 1 to {most:,}"
         )
-    return value
+    return int(text)

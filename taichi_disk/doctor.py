@@ -7,13 +7,12 @@ import os
 import platform
 import signal
 import subprocess
-import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from taichi_disk import engine
 from taichi_disk.engine.environment import CACHE, cache_folder, keeps_kernels
-from taichi_disk.machine import cores, processor, python_command
+from taichi_disk.machine import REMEDY, cores, processor, python_command
 from taichi_disk.signals import raise_if_interrupted
 
 RUN = (
@@ -25,20 +24,13 @@ RUN = (
 _START = "from taichi_disk.__main__ import process; process()"
 SECONDS = 120
 _CRASHED = "crashed"
-REMEDY = (
-    "apt-get update && apt-get install -y --no-install-recommends libx11-6"
-    " mesa-vulkan-drivers"
-)
-if sys.platform != "linux":
-    REMEDY = (
-        "install the Vulkan driver of the graphics card's maker; `run --no-video` needs"
-        " none"
-    )
 
 
 def examine() -> bool:
     """Print the state of this machine, with remedies, and return whether scenes can be
     run and filmed."""
+    from taichi_disk.render.shaders import fit_engine
+
     cache = str(cache_folder())
     if not keeps_kernels():
         cache += (
@@ -54,12 +46,21 @@ def examine() -> bool:
         "processor cores": cores(),
         "cache of kernels": cache,
         "display": display or "none (films need none)",
+        "springs in films": "hard lines, as the engine has other shaders",
     }
+    if fit_engine():
+        found["springs in films"] = "soft lines"
     for name, value in found.items():
         print(f"{name:<16}  {value}")
-    trouble = try_run()
-    if not trouble:
+    trouble, has_film = try_run()
+    if has_film:
         print("\nReady: scenes can be run and filmed here.")
+        return True
+    if not trouble:
+        print(
+            "\nReady: scenes can be run here, and films are pages (video.html).\n"
+            f"    For MP4, WebM, GIF and PNG, as root: {REMEDY}"
+        )
         return True
     remedy = REMEDY
     if trouble.startswith(_CRASHED) and not _try_with_empty_cache():
@@ -70,17 +71,19 @@ def examine() -> bool:
 
 def _try_with_empty_cache() -> str:
     with TemporaryDirectory() as folder:
-        return try_run({CACHE: folder})
+        trouble, _ = try_run({CACHE: folder})
+    return trouble
 
 
-def try_run(changes: dict[str, str] | None = None) -> str:
+def try_run(changes: dict[str, str] | None = None) -> tuple[str, bool]:
     """Run and film a small scene, with `changes` of the environment. Return the last
-    line of its error output, or an empty string on success."""
+    line of its error output, or an empty string on success, and whether there is a
+    film."""
     with TemporaryDirectory() as folder:
-        out = f"--out={Path(folder, 'run')}"
+        out = Path(folder, "run")
         try:
             done = subprocess.run(
-                python_command(_START, "run", "exponential_wall", out, *RUN),
+                python_command(_START, "run", "exponential_wall", f"--out={out}", *RUN),
                 env={**os.environ, **(changes or {})},
                 capture_output=True,
                 text=True,
@@ -88,11 +91,12 @@ def try_run(changes: dict[str, str] | None = None) -> str:
                 timeout=SECONDS,
             )
         except subprocess.TimeoutExpired:
-            return f"no answer within {SECONDS} s"
+            return f"no answer within {SECONDS} s", False
+        has_film = (out / "video.mp4").is_file()
     raise_if_interrupted()
     if done.returncode < 0:
-        return f"{_CRASHED} ({signal.Signals(-done.returncode).name})"
+        return f"{_CRASHED} ({signal.Signals(-done.returncode).name})", False
     if done.returncode > 0:
         lines = done.stderr.strip().splitlines() or ["no message"]
-        return lines[-1].removeprefix("error: ")
-    return ""
+        return lines[-1].removeprefix("error: "), False
+    return "", has_film

@@ -28,19 +28,27 @@ class SimulationError(TaichiDiskError):
     separation within the time limit."""
 
 
+class NoPictures(TaichiDiskError):
+    """This machine cannot draw pictures. It can still write pages."""
+
+
 def pip_install(what: str) -> str:
     """Return the command that installs `what`, in quotes, into the environment that
     runs this program."""
     return f"{sys.executable or 'python'} -m pip install '{what}'"
 
 
+def install_extra(name: str) -> str:
+    """Return the command that installs an extra of this package, which is on no
+    package index."""
+    return f"{pip_install(f'.[{name}]')}, in the folder of its source"
+
+
 def nearest(word: Any, names: Iterable[str]) -> list[str]:
+    if not isinstance(word, str):
+        return []
     by_lower = {name.lower(): name for name in names}
-    matches = (
-        difflib.get_close_matches(str(word).lower(), by_lower, n=1)
-        if isinstance(word, str)
-        else []
-    )
+    matches = difflib.get_close_matches(word.lower(), by_lower, n=1)
     return [by_lower[match] for match in matches]
 
 
@@ -51,7 +59,9 @@ def did_you_mean(word: Any, names: Iterable[str]) -> str:
 def either(names: Iterable[str]) -> str:
     """Join names to "a, b or c"."""
     *first, last = names
-    return f"{', '.join(first)} or {last}" if first else last
+    if not first:
+        return last
+    return f"{', '.join(first)} or {last}"
 
 
 def printable(text: str, width: int = 40) -> str:

@@ -9,6 +9,17 @@ from contextlib import suppress
 from math import ceil, inf
 from pathlib import Path
 
+# how to install what films need
+REMEDY = (
+    "apt-get update && apt-get install -y --no-install-recommends libx11-6"
+    " mesa-vulkan-drivers"
+)
+if sys.platform != "linux":
+    REMEDY = (
+        "install the Vulkan driver of the graphics card's maker; `run --no-video` needs"
+        " none"
+    )
+
 
 def cores() -> int:
     """Return the number of cores that this process may use, at least 1: those of its
@@ -45,7 +56,9 @@ def cpu_quota(membership: Path, root: Path) -> float:
             for one in (folder, *folder.parents):
                 if one.is_relative_to(hierarchy):
                     quota = min(quota, _quota_of(one))
-    return ceil(quota) if quota < inf else inf
+    if quota == inf:
+        return inf
+    return ceil(quota)
 
 
 def _quota_of(group: Path) -> float:

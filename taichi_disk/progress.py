@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import wraps
 from inspect import signature
 from time import monotonic
@@ -15,7 +15,8 @@ from taichi_disk.errors import InputError
 # callback(stage, done, total)
 Progress: TypeAlias = Callable[[str, float, "float | None"], object]
 # delay of a bar's appearance and time between its updates in a notebook [s]
-BAR_DELAY, BAR_INTERVAL = 0.5, 0.1
+BAR_DELAY = 0.5
+BAR_INTERVAL = 0.1
 F = TypeVar("F", bound=Callable[..., Any])
 
 
@@ -36,34 +37,40 @@ def reported(function: F) -> F:
     def wrapped(*args: Any, **kwargs: Any) -> Any:
         call = arguments.bind(*args, **kwargs)
         progress = call.arguments.get("progress")
-        try:
-            signature(silent if progress is None else progress).bind(
-                "simulate", 0.0, None
-            )
-        # ValueError: some built-in functions have no signature
-        except (TypeError, ValueError):
-            name = getattr(progress, "__name__", type(progress).__name__)
-            raise InputError(
-                f"progress: must be a function of (stage, done, total), which {name}"
-                " is not"
-            ) from None
-        with (
-            _notebook() if progress is None else nullcontext(progress)
-        ) as call.arguments["progress"]:
+        bar: AbstractContextManager[Progress] = _notebook()
+        if progress is not None:
+            _check_callback(progress)
+            bar = nullcontext(progress)
+        with bar as call.arguments["progress"]:
             return function(*call.args, **call.kwargs)
 
     return wrapped  # type: ignore[return-value]
 
 
+def _check_callback(progress: Any) -> None:
+    try:
+        signature(progress).bind("simulate", 0.0, None)
+    # ValueError: some built-in functions have no signature
+    except (TypeError, ValueError):
+        name = getattr(progress, "__name__", type(progress).__name__)
+        raise InputError(
+            f"progress: must be a function of (stage, done, total), which {name} is not"
+        ) from None
+
+
 @contextmanager
 def _notebook() -> Iterator[Progress]:
-    bars = _Bars(None) if "IPython" in sys.modules else None
-    if bars is None or not bars.progress.console.is_jupyter:
+    if "IPython" not in sys.modules:
+        yield silent
+        return
+    bars = _Bars(None)
+    if not bars.progress.console.is_jupyter:
         yield silent
         return
     from IPython.display import display
 
-    handle, due = None, monotonic() + BAR_DELAY
+    handle = None
+    due = monotonic() + BAR_DELAY
 
     def show(stage: str, done: float, total: float | None) -> None:
         nonlocal handle, due
@@ -133,7 +140,8 @@ class _Bars:
                 bars.update(task.id, completed=1.0, total=1.0)
             # The time of a simulation is a float; equilibria, lattices, scenes and
             # pictures are counted.
-            bars.add_task(
-                stage, total=total, note="to the time limit" * isinstance(total, float)
-            )
+            note = ""
+            if isinstance(total, float):
+                note = "to the time limit"
+            bars.add_task(stage, total=total, note=note)
         bars.update(bars.task_ids[-1], completed=done, total=total)

@@ -60,25 +60,10 @@ def start(threads: int | None = None) -> None:
 
         if engine.program() is not None:
             _check_settings(ti)
-            if threads is not None and number != (
-                now := ti.lang.impl.current_cfg().cpu_max_num_threads
-            ):
-                text = (
-                    f"threads: this process already computes with {now} threads and"
-                    f" cannot change to {number}"
-                )
-                raise InputError(
-                    f"{text}: set the number in its first run, or in {THREADS}"
-                )
+            if threads is not None:
+                _check_threads(ti, number)
             return
-        if (arch := os.environ.get("TI_ARCH")) not in (
-            None,
-            ti._lib.core.arch_name(ti.cpu),
-        ):
-            raise InputError(
-                f"TI_ARCH={arch}: simulations need the CPU and double precision: unset"
-                " TI_ARCH"
-            )
+        _check_architecture(ti)
         remove_stale_lock()
         try:
             # hides Taichi's banner, because stdout is for results
@@ -104,36 +89,53 @@ def start(threads: int | None = None) -> None:
 
 
 def _check_settings(ti: Any) -> None:
-    found, needed = (
-        ti.lang.impl.current_cfg(),
-        {"arch": ti.cpu, "default_fp": ti.f64, "fast_math": False},
-    )
-    other = [
-        f"{name}={getattr(found, name)}"
-        for name, value in needed.items()
-        if getattr(found, name) != value
-    ]
-    if other:
-        text = (
-            f"Taichi runs with {', '.join(other)}, which makes results wrong".replace(
-                "Arch.", ""
-            )
-        )
+    settings = ti.lang.impl.current_cfg()
+    needed = {"arch": ti.cpu, "default_fp": ti.f64, "fast_math": False}
+    others = []
+    for name, value in needed.items():
+        found = getattr(settings, name)
+        if found != value:
+            others.append(f"{name}={found}".replace("Arch.", ""))
+    if others:
         line = "ti.init(arch=ti.cpu, default_fp=ti.f64, fast_math=False)"
-        raise InputError(f"{text}: replace your ti.init by {line}, or remove it")
+        raise InputError(
+            f"Taichi runs with {', '.join(others)}, which makes results wrong: replace"
+            f" your ti.init by {line}, or remove it"
+        )
 
 
-def _threads(asked: Any) -> int:
-    name, most = "threads", cores()
-    if asked is None:
-        name, asked = THREADS, os.environ.get(THREADS, most)
-        asked = int(asked) if isinstance(asked, str) and asked.isdecimal() else asked
-    if not (isinstance(asked, Integral) and 1 <= int(asked) <= most):
+def _check_threads(ti: Any, number: int) -> None:
+    current = ti.lang.impl.current_cfg().cpu_max_num_threads
+    if number != current:
+        raise InputError(
+            f"threads: this process already computes with {current} threads and cannot"
+            f" change to {number}: set the number in its first run, or in {THREADS}"
+        )
+
+
+def _check_architecture(ti: Any) -> None:
+    arch = os.environ.get("TI_ARCH")
+    if arch not in (None, ti._lib.core.arch_name(ti.cpu)):
+        raise InputError(
+            f"TI_ARCH={arch}: simulations need the CPU and double precision: unset"
+            " TI_ARCH"
+        )
+
+
+def _threads(threads: Any) -> int:
+    name = "threads"
+    most = cores()
+    if threads is None:
+        name = THREADS
+        threads = os.environ.get(THREADS, most)
+        if isinstance(threads, str) and threads.isdecimal():
+            threads = int(threads)
+    if not (isinstance(threads, Integral) and 1 <= int(threads) <= most):
         raise InputError(
             f"{name}: must be a whole number from 1 to {most}, the number of cores, not"
-            f" {asked!r}"
+            f" {threads!r}"
         )
-    return int(asked)
+    return int(threads)
 
 
 def leave(status: int) -> NoReturn:

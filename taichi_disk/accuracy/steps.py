@@ -53,8 +53,12 @@ class StepStudy:
     """Runs of one scenario with several integrators and steps, which all end at the
     time at which `outcome` ends."""
 
-    def __init__(self, scenario: Scenario, modes: Spectrum, outcome: Outcome) -> None:
-        self.scenario, self.modes, model = scenario, modes, scenario.model
+    def __init__(
+        self, scenario: Scenario, spectrum: Spectrum, outcome: Outcome
+    ) -> None:
+        self.scenario = scenario
+        self.spectrum = spectrum
+        model = scenario.model
         self.end = float(outcome.columns["t"][-1])
         if model.reset_interval:
             self.end = (
@@ -79,7 +83,7 @@ class StepStudy:
 
     def _limit(self, integrator: Integrator) -> float:
         return step_limit(
-            self.modes, self.scenario.model, integrator, self.scenario.point_force
+            self.spectrum, self.scenario.model, integrator, self.scenario.point_force
         )
 
     def _steps(self, longest: float) -> int:
@@ -108,8 +112,8 @@ class StepStudy:
             self.scenario.model.reset_interval,
         )
         rate = (
-            9.0 * self.modes.omega
-            + 3.0 * springs.eta * self.modes.damping
+            9.0 * self.spectrum.omega
+            + 3.0 * springs.eta * self.spectrum.damping
             + (12.0 / interval if interval else 0.0)
         )
         return (1 + REPEATS) * work * run + self.end * rate * evaluation

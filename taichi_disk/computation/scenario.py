@@ -68,7 +68,7 @@ class Scenario(ABC):
     momentary_label: ClassVar[tuple[str, str]] = ("velocity upwards", "c")
     time_label: ClassVar[str] = "time  [R/c]"  # axis label of `t`
     # format string of the film's time scale
-    pace: ClassVar[str] = "slow motion: 1 s = {:g} R/c"
+    pace: ClassVar[str] = "1 s = {:g} R/c"
     # name and unit of each number of `result` that is shown
     labels: ClassVar[dict[str, tuple[str, str]]]
     notes: ClassVar[dict[str, str]] = {}  # how each number of `result` was measured
@@ -183,7 +183,23 @@ class Scenario(ABC):
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
         """Return the changing lines of one picture of a film from its observables."""
-        return (f"t = {row['t']:7.3f} R/c",)
+        return (time_text(row["t"]),)
+
+
+def time_text(t: float) -> str:
+    return f"t = {minus(t)} R/c"
+
+
+def minus(value: float, digits: int = 2) -> str:
+    """Return a number with a minus sign instead of a hyphen, and without "-0.00"."""
+    text = f"{round(value, digits) + 0.0:.{digits}f}"
+    return text.replace("-", "\u2212")
+
+
+def signed(value: float, digits: int = 2) -> str:
+    """Return a number like `minus`, with a sign also if it is positive."""
+    text = minus(value, digits)
+    return f"+{text}" if round(value, digits) > 0.0 else text
 
 
 def distribute(times: list[float], shares: list[float], frames: int) -> Array:

@@ -58,7 +58,8 @@ class TimeStep:
 
 def spectrum(lattice: Lattice, model: Model) -> Spectrum:
     stiffness = model.springs.stiffness(lattice, lattice.positions)
-    masses, damping = lattice.masses, 0.0
+    masses = lattice.masses
+    damping = 0.0
     if model.springs.damped:
         damping = largest_eigenvalue(laplacian(lattice), masses)
     omega = float(np.sqrt(largest_eigenvalue(stiffness, masses)))
@@ -70,9 +71,9 @@ def step_limit(
 ) -> float:
     """Return the largest stable step [R/c] if no force of the wall on a point exceeds
     `point_force` [M c^2/R]."""
-    added = (
-        model.wall.added_stiffness(point_force) / spectrum.mass if model.wall else 0.0
-    )
+    added = 0.0
+    if model.wall:
+        added = model.wall.added_stiffness(point_force) / spectrum.mass
     omega = float(np.sqrt(spectrum.omega**2 + added))
     if model.springs.damped and integrator.dashpots == "explicit":
         return explicit_limit(omega, model.springs.eta * spectrum.damping)
@@ -102,9 +103,11 @@ def reset_step(
     # further effect.
     if not (model.reset_interval and model.springs.damped):
         return np.inf
-    part, rate = 0.015, model.springs.eta * spectrum.damping
+    part = 0.015
+    rate = model.springs.eta * spectrum.damping
     if integrator.dashpots == "implicit":
-        part, rate = 0.004, min(rate, 1.0 / (3.0 * model.reset_interval))
+        part = 0.004
+        rate = min(rate, 1.0 / (3.0 * model.reset_interval))
     return float(np.sqrt(error / (part * rate * spectrum.omega)))
 
 

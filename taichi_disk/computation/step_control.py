@@ -81,7 +81,8 @@ class StepControl:
             self._check_own_step(force)
 
     def _check_own_step(self, force: bool) -> None:
-        dt, limit = self._time.dt, self.step.limit
+        dt = self._time.dt
+        limit = self.step.limit
         if dt > limit and not force:
             raise InputError(
                 f"time.dt: {dt:g} R/c is beyond the stability limit of"
@@ -101,7 +102,8 @@ class StepControl:
         return step_limit(self.spectrum, self.scenario.model, integrator, force)
 
     def _choice(self) -> TimeStep:
-        model, points = self.scenario.model, self.spectrum.points
+        model = self.scenario.model
+        points = self.spectrum.points
         tolerance = self._time.tolerance
         if tolerance == "none":
             tolerance = inf
@@ -193,6 +195,8 @@ class StepControl:
 def fitted(dt: float, interval: float) -> float:
     """Return the longest step up to `dt` that divides `interval` [R/c] into whole
     steps, or `dt` if `interval` is 0."""
+    if not interval:
+        return dt
     # The factor prevents an additional step if dt is a rounded-down whole fraction of
     # the interval.
-    return interval / ceil((1.0 - 1e-9) * interval / dt) if interval else dt
+    return interval / ceil((1.0 - 1e-9) * interval / dt)

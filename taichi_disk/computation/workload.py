@@ -10,7 +10,8 @@ if TYPE_CHECKING:
     from taichi_disk.computation.driver import Driver
 
 # bytes of a process and of each point; measured with 1,099 to 2,000,000 points
-PROCESS, POINT = 3e8, 2e3
+PROCESS = 3e8
+POINT = 2e3
 NOTED_MEMORY = 1e9  # [bytes] from which a run is announced
 LONG_RUN = 60.0, 1e7  # [s], number of steps; a longer run is announced
 FORCE_TIME = 4e-9  # [s] for one spring force on one core
@@ -36,15 +37,11 @@ def duration(seconds: float) -> str:
 
 
 def announcement(driver: Driver) -> str | None:
-    scenario, step, points = (
-        driver.scenario,
-        driver.step,
-        len(driver.scenario.lattice.positions),
-    )
-    steps, springs = (
-        PART_OF_LIMIT * scenario.max_time / step.dt,
-        len(scenario.lattice.bonds),
-    )
+    scenario = driver.scenario
+    step = driver.step
+    points = len(driver.scenario.lattice.positions)
+    steps = PART_OF_LIMIT * scenario.max_time / step.dt
+    springs = len(scenario.lattice.bonds)
     parallel = cores() if driver.simulation.subdomains > 1 else 1
     seconds = steps * springs * step.integrator.cost(points) * FORCE_TIME / parallel
     if seconds < LONG_RUN[0] and steps < LONG_RUN[1]:

@@ -44,9 +44,8 @@ class ExponentialPotential:
     def height_of_force(self, force: float, heights: Array | float = 0.0) -> float:
         """Return the distance of the lowest point [R] at which the wall's total force
         is `force` [M c^2/R]."""
-        return float(
-            np.log(self.a * self.V0 * np.exp(-self.a * heights).sum() / force) / self.a
-        )
+        force_at_0 = self.a * self.V0 * np.exp(-self.a * heights).sum()
+        return float(np.log(force_at_0 / force) / self.a)
 
     def added_stiffness(self, force: float) -> float:
         """Return the wall's contribution a F to the stiffness of a point under the wall

@@ -407,9 +407,18 @@ class VideoSection(Section):
     )
     panel: bool = key(
         True,
-        "curves of v_cm, wall force and energies beside the disk (16:9); from size"
+        "curves of v_cm, wall force and energies beside one disk (16:9); from size"
         " 360 on",
     )
+    flight: float = key(
+        0.33,
+        "height above the wall at which the film of an impact begins and ends; 0: no"
+        " flight",
+        "R",
+        low=0,
+        high=2,
+    )
+    text: float = key(1.0, "factor on the size of letters", low=0.5, high=3)
     supersample: float = key(
         1.0,
         "samples per pixel width; 2: smoothest and slowest",

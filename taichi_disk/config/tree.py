@@ -34,16 +34,16 @@ class Mark(NamedTuple):
     label: str = ""
 
     def __str__(self) -> str:
-        return f"{self.label}:{self.line}:{self.column}" if self.line else self.label
+        if self.line:
+            return f"{self.label}:{self.line}:{self.column}"
+        return self.label
 
     def moved(self, line: int, column: int) -> Mark:
         """Return the mark of a line and column (both from 0). Marks of options and
         Python values have neither."""
-        return (
-            self
-            if self.rank or not self.label
-            else self._replace(line=line + 1, column=column + 1)
-        )
+        if self.rank or not self.label:
+            return self
+        return self._replace(line=line + 1, column=column + 1)
 
 
 class Fault(NamedTuple):
@@ -52,7 +52,8 @@ class Fault(NamedTuple):
     what: str
 
     def __str__(self) -> str:
-        return ": ".join(part for part in (str(self.mark), self.key, self.what) if part)
+        parts = (str(self.mark), self.key, self.what)
+        return ": ".join(part for part in parts if part)
 
 
 class Entry(NamedTuple):
@@ -81,13 +82,15 @@ class Tree:
         self.faults += other.faults
 
     def refuse(self) -> None:
+        """Raise InputError with all faults, if there are any."""
         # Report only the first fault of each value, because an unreadable value is also
         # invalid.
-        if faults := sorted(
-            {fault[:2]: fault for fault in reversed(self.faults)}.values()
-        ):
-            head = [] if len(faults) == 1 else [f"{len(faults)} faults in the scene:"]
-            raise InputError("\n  ".join(head + [str(fault) for fault in faults]))
+        first = {(fault.mark, fault.key): fault for fault in reversed(self.faults)}
+        lines = [str(fault) for fault in sorted(first.values())]
+        if len(lines) > 1:
+            lines.insert(0, f"{len(lines)} faults in the scene:")
+        if lines:
+            raise InputError("\n  ".join(lines))
 
     def entry(self, path: Keys) -> Entry:
         """Return the entry of `path`, or of its closest ancestor present in the
@@ -122,17 +125,21 @@ class _Loader(yaml.BaseLoader):  # a BaseLoader keeps scalars as text
 def parse(text: str, source: Mark, path: Keys = ()) -> Tree:
     """Parse YAML `text`, whose values belong at `path`. Unreadable values are None and
     listed in the tree's faults."""
-    tree, where = Tree(), source
+    tree = Tree()
+    where = source
     try:
-        if node := _Loader(text).get_single_node():
+        node = _Loader(text).get_single_node()
+        if node:
             tree.value = _value(node, path, None, tree, source)
         return tree
     except yaml.reader.ReaderError as error:
         before = text[: error.position]
-        where = source.moved(before.count("\n"), len(before) - before.rfind("\n") - 1)
+        column = len(before) - before.rfind("\n") - 1
+        where = source.moved(before.count("\n"), column)
         what = f"the character {error.character:#x} is not allowed in YAML: remove it"
     except yaml.MarkedYAMLError as error:
-        if mark := error.problem_mark or error.context_mark:
+        mark = error.problem_mark or error.context_mark
+        if mark:
             where = source.moved(mark.line, mark.column)
         what = f"not readable as YAML: {error.problem or error.context}"
         if "'\\t'" in what:
@@ -149,39 +156,45 @@ def parse(text: str, source: Mark, path: Keys = ()) -> Tree:
 def _value(
     node: yaml.Node, path: Keys, key: Mark | None, tree: Tree, source: Mark
 ) -> Any:
-    here = source.moved(node.start_mark.line, node.start_mark.column)
+    here = _mark_of(node, source)
     shown = _as_written(node)
     tree.entries[path] = Entry(key or here, here, shown)
     if isinstance(node, yaml.MappingNode) and node.tag == _TAG + "map":
-        values: dict[str, Any] = {}
-        for item, value in node.value:
-            mark = source.moved(item.start_mark.line, item.start_mark.column)
-            if not isinstance(item, yaml.ScalarNode) or not item.value.isprintable():
-                tree.fault(mark, path, f"a key must be a name, not {_as_written(item)}")
-                continue
-            name = (*path, item.value)
-            if item.value in values:
-                tree.fault(
-                    mark,
-                    name,
-                    f"is given twice, first in line {tree.entries[name].key.line}",
-                )
-            else:
-                values[item.value] = _value(value, name, mark, tree, source)
-        return values
+        return _mapping(node, path, tree, source)
     if isinstance(node, yaml.SequenceNode) and node.tag == _TAG + "seq":
         return [
             _value(item, (*path, str(k)), None, tree, source)
             for k, item in enumerate(node.value)
         ]
     if isinstance(node, yaml.ScalarNode) and node.tag == _TAG + "str":
-        return node.value if node.style else _meaning(node.value)
-    tree.fault(
-        here,
-        path,
-        f"{shown} cannot be read as {printable(node.tag.removeprefix(_TAG))}",
-    )
+        if node.style:  # in quotes
+            return node.value
+        return _meaning(node.value)
+    kind = printable(node.tag.removeprefix(_TAG))
+    tree.fault(here, path, f"{shown} cannot be read as {kind}")
     return None
+
+
+def _mark_of(node: yaml.Node, source: Mark) -> Mark:
+    return source.moved(node.start_mark.line, node.start_mark.column)
+
+
+def _mapping(
+    node: yaml.MappingNode, path: Keys, tree: Tree, source: Mark
+) -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    for item, value in node.value:
+        mark = _mark_of(item, source)
+        if not isinstance(item, yaml.ScalarNode) or not item.value.isprintable():
+            tree.fault(mark, path, f"a key must be a name, not {_as_written(item)}")
+            continue
+        name = item.value
+        if name in values:
+            line = tree.entries[(*path, name)].key.line
+            tree.fault(mark, (*path, name), f"is given twice, first in line {line}")
+            continue
+        values[name] = _value(value, (*path, name), mark, tree, source)
+    return values
 
 
 def _meaning(text: str) -> Any:
@@ -198,51 +211,51 @@ def _meaning(text: str) -> Any:
 
 
 def _as_written(node: yaml.Node) -> str:
-    if not isinstance(node, yaml.ScalarNode):
-        return (
-            f"{'a' if node.value else 'an empty'}"
-            f" {'mapping' if isinstance(node, yaml.MappingNode) else 'list'}"
-        )
-    return (
-        f'the text "{printable(node.value)}"'
-        if node.style
-        else printable(node.value) or "nothing"
-    )
+    if isinstance(node, yaml.ScalarNode):
+        if node.style:
+            return f'the text "{printable(node.value)}"'
+        return printable(node.value) or "nothing"
+    kind = "list"
+    if isinstance(node, yaml.MappingNode):
+        kind = "mapping"
+    if node.value:
+        return f"a {kind}"
+    return f"an empty {kind}"
 
 
 def tree_of(data: Mapping[str, Any]) -> Tree:
     tree = Tree()
-
-    def plain(value: Any, path: Keys) -> Any:
-        if hasattr(value, "tolist"):
-            value = value.tolist()
-        if isinstance(value, Mapping):
-            items = {printable(str(name)): item for name, item in value.items()}
-            value, shown = (
-                {name: plain(item, (*path, name)) for name, item in items.items()},
-                "a mapping",
-            )
-        elif isinstance(value, (list, tuple)):
-            value, shown = (
-                [plain(item, (*path, str(k))) for k, item in enumerate(value)],
-                "a list",
-            )
-        elif value is None or isinstance(value, (bool, int, float)):
-            shown = printable(str(value))
-        else:
-            value = str(value)
-            shown = f'the text "{printable(value)}"'
-        tree.entries[path] = Entry(Mark(), Mark(), shown)
-        return value
-
     try:
-        tree.value = plain(data, ())
+        tree.value = _plain(data, (), tree)
     # raised for a loop, or an integer with thousands of digits
     except (RecursionError, ValueError):
         raise InputError(
             "a scene must be a mapping of keys to numbers and words, without loops"
         ) from None
     return tree
+
+
+def _plain(value: Any, path: Keys, tree: Tree) -> Any:
+    """Return a Python value as a tree contains it, and add its entries to the tree."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    plain = value
+    if isinstance(value, Mapping):
+        items = {printable(str(name)): item for name, item in value.items()}
+        plain = {
+            name: _plain(item, (*path, name), tree) for name, item in items.items()
+        }
+        shown = "a mapping"
+    elif isinstance(value, (list, tuple)):
+        plain = [_plain(item, (*path, str(k)), tree) for k, item in enumerate(value)]
+        shown = "a list"
+    elif value is None or isinstance(value, (bool, int, float)):
+        shown = printable(str(value))
+    else:
+        plain = str(value)
+        shown = f'the text "{printable(plain)}"'
+    tree.entries[path] = Entry(Mark(), Mark(), shown)
+    return plain
 
 
 def read_tree(source: Source, overrides: Sequence[str]) -> Tree:
@@ -281,18 +294,17 @@ def read_tree(source: Source, overrides: Sequence[str]) -> Tree:
 
 
 def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
-    if isinstance(source, str) and (
-        "\n" in source or (": " in source and not os.path.exists(source))
-    ):
+    if isinstance(source, str) and _is_yaml(source):
         return "scene", "", source
     path = as_path(source, "scene")
     # the folder of a run may have the name of a shipped scene
     if not os.path.exists(path) or os.path.isdir(path):
         path = shipped_scenes().get(str(path), path)
     label = printable(str(path), width=1000)
+    folder = ""  # a pipe has none
     try:
-        # A pipe has no folder.
-        folder = str(path.parent) if path.is_file() else ""
+        if path.is_file():
+            folder = str(path.parent)
         text = read_text(path, accept_pipe=True)
     except (FileNotFoundError, NotADirectoryError):
         known = shipped_scenes()
@@ -301,10 +313,15 @@ def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
             f"{label}: no such file{hint} The shipped scenes are {', '.join(known)}"
         ) from None
     except (OSError, ValueError) as error:
-        raise InputError(
-            f"{label}: cannot be read: {getattr(error, 'strerror', None) or error}"
-        ) from None
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{label}: cannot be read: {reason}") from None
     return label, folder, text
+
+
+def _is_yaml(source: str) -> bool:
+    if "\n" in source:
+        return True
+    return ": " in source and not os.path.exists(source)
 
 
 def as_path(path: Any, name: str) -> Path:
@@ -324,11 +341,10 @@ def as_path(path: Any, name: str) -> Path:
 def _override(tree: Tree, override: str, rank: int) -> None:
     mark = Mark(rank, label=f"--set {printable(override, width=1000)}")
     name, equals, text = override.partition("=")
-    # The name of a sweep axis may contain dots.
-    path = tuple(
-        part.strip()
-        for part in name.split(".", 1 if name.strip().startswith("sweep.") else -1)
-    )
+    splits = -1
+    if name.strip().startswith("sweep."):
+        splits = 1  # the name of a sweep axis may contain dots
+    path = tuple(part.strip() for part in name.split(".", splits))
     if not equals or not all(part and part.isprintable() for part in path):
         tree.fault(
             mark,
@@ -337,40 +353,46 @@ def _override(tree: Tree, override: str, rank: int) -> None:
             " material.eta_star=30",
         )
         return
-    blocks = tree.value.get("sweep")
-    if path[0] == "sweep" and len(path) == 2 and isinstance(blocks, list):
-        parents: dict[Keys, Any] = {
-            ("sweep", str(k)): one
-            for k, one in enumerate(blocks)
-            if isinstance(one, dict)
-        }
-    else:
-        parent = tree.value
-        for depth, part in enumerate(path[:-1], start=1):
-            parent = parent.setdefault(part, {})
-            tree.entries.setdefault(path[:depth], Entry(mark, mark, "a mapping"))
-            if not isinstance(parent, dict):
-                tree.fault(mark, (), f"{'.'.join(path[:depth])} is not a section")
-                return
-        parents = {path[:-1]: parent}
-    for section, parent in parents.items():
-        where = (*section, path[-1])
-        new, old = parse(text, mark, where), parent.get(path[-1])
+    key = path[-1]
+    for section, parent in _parents(tree, path, mark).items():
+        where = (*section, key)
+        new = parse(text, mark, where)
         tree.take_faults(new)
-        # replace some keys of a section
-        if len(where) == 1 and isinstance(old, dict) and isinstance(new.value, dict):
-            new.value = old | new.value
-        parent[path[-1]] = new.value
+        old = parent.get(key)
+        value = new.value
+        if len(where) == 1 and isinstance(old, dict) and isinstance(value, dict):
+            value = old | value  # replaces some keys of a section
+        parent[key] = value
         tree.entries |= {where: Entry(mark, mark)} | new.entries
 
 
+def _parents(tree: Tree, path: Keys, mark: Mark) -> dict[Keys, Any]:
+    """Return the mappings that get the value of `path`, by their paths: one, or every
+    section of a sweep, or none if something else is in the way."""
+    blocks = tree.value.get("sweep")
+    if path[0] == "sweep" and len(path) == 2 and isinstance(blocks, list):
+        return {
+            ("sweep", str(k)): block
+            for k, block in enumerate(blocks)
+            if isinstance(block, dict)
+        }
+    parent = tree.value
+    for depth, part in enumerate(path[:-1], start=1):
+        parent = parent.setdefault(part, {})
+        tree.entries.setdefault(path[:depth], Entry(mark, mark, "a mapping"))
+        if not isinstance(parent, dict):
+            tree.fault(mark, (), f"{'.'.join(path[:depth])} is not a section")
+            return {}
+    return {path[:-1]: parent}
+
+
 def shipped_scenes() -> dict[str, Path]:
+    """Return the paths of the shipped scenes by their names."""
     package = Path(__file__).parent.parent
-    # An installed package contains the files; a source checkout has them in its top
-    # folder.
-    folders = (package / "scene_library", package.parent / "scenes")
-    return {
-        path.stem: path
-        for folder in reversed(folders)
-        for path in sorted(folder.glob("[!.]*.yaml"))
-    }
+    scenes: dict[str, Path] = {}
+    # A source checkout has the files in its top folder; an installed package contains
+    # them, and they count if both exist.
+    for folder in (package.parent / "scenes", package / "scene_library"):
+        for path in sorted(folder.glob("[!.]*.yaml")):
+            scenes[path.stem] = path
+    return scenes

@@ -18,29 +18,32 @@ _NAMES = {
     "dt": "step",
     "colour": "color",
 }
-ALIASES = {name: key for key, names in _NAMES.items() for name in names.split()}
-UNITS = dict.fromkeys(
-    ("radius", "r", "diameter"), "the disk's radius R is the unit of length"
-)
-UNITS |= dict.fromkeys(("mass", "m"), "the disk's mass M is the unit of mass")
+ALIASES: dict[str, str] = {}
+for _key, _names in _NAMES.items():
+    ALIASES |= dict.fromkeys(_names.split(), _key)
+_LENGTH = "the disk's radius R is the unit of length"
+_MASS = "the disk's mass M is the unit of mass"
+UNITS = dict.fromkeys(("radius", "r", "diameter"), _LENGTH)
+UNITS |= dict.fromkeys(("mass", "m"), _MASS)
 _DEGREES = re.compile(r"([-+]?[0-9]*\.?[0-9]+) *(deg|degrees?|°)")
 _COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+(e[-+]?[0-9]+)?")
 
 
 def number_hint(value: Any, unit: str, key: str) -> str:
-    if (
-        isinstance(value, list)
-        and len(value) > 1
-        and not any(isinstance(one, (list, dict)) for one in value)
-    ):
+    """Return what a value that is no number may have been meant to be, or ""."""
+    if isinstance(value, list) and len(value) > 1:
+        if any(isinstance(one, (list, dict)) for one in value):
+            return ""
         return (
             "; several values are a sweep: write them in the section sweep, as sweep:"
             f" {{{key}: {value}}}"
         )
     if not isinstance(value, str):
         return ""
-    if unit == "rad" and (degrees := _DEGREES.fullmatch(value.strip().lower())):
+    text = value.strip()
+    degrees = _DEGREES.fullmatch(text.lower())
+    if unit == "rad" and degrees is not None:
         return f"; in radians that is {radians(float(degrees[1])):.6g}"
-    if _COMMA.fullmatch(value.strip().lower()):
-        return f"; did you mean {value.strip().replace(',', '.')}?"
+    if _COMMA.fullmatch(text.lower()):
+        return f"; did you mean {text.replace(',', '.')}?"
     return ""

@@ -46,7 +46,10 @@ def loaded() -> Any:
 def program() -> Any:
     """Return the engine's running program, which owns all fields; None before `ti.init`
     and after `ti.reset`."""
-    return module.lang.impl.get_runtime().prog if (module := loaded()) else None
+    module = loaded()
+    if module is None:
+        return None
+    return module.lang.impl.get_runtime().prog
 
 
 def versions() -> dict[str, str]:

@@ -43,10 +43,8 @@ def apply(ti: Any) -> None:
     modules for the source around a function to find out whether it is a method. It
     wraps each source line at 9999 characters, which only strips it.
     """
-    kernel_impl, transformer = (
-        ti.lang.kernel_impl,
-        ti.lang.ast.ast_transformer_utils.ASTTransformerContext,
-    )
+    kernel_impl = ti.lang.kernel_impl
+    transformer = ti.lang.ast.ast_transformer_utils.ASTTransformerContext
 
     def position(context: Any, node: Any) -> str:
         where = (
@@ -58,7 +56,8 @@ def apply(ti: Any) -> None:
     def is_in_class(level_of_class_stackframe: int) -> bool:
         return "__qualname__" in sys._getframe(level_of_class_stackframe - 1).f_locals
 
-    transformer.get_pos_info, kernel_impl._inside_class = position, is_in_class
+    transformer.get_pos_info = position
+    kernel_impl._inside_class = is_in_class
     kernel_impl.getsourcelines = lru_cache(maxsize=None)(kernel_impl.getsourcelines)
     kernel_impl.textwrap = SimpleNamespace(
         dedent=textwrap.dedent, fill=lambda line, **_: line.expandtabs(4).rstrip()

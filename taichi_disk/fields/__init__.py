@@ -63,13 +63,16 @@ class Quantity:
     signed: bool
     low: str = ""
     high: str = ""
+    short: str = ""  # label where there is little room; "": `label`
 
 
 QUANTITIES: dict[str, Quantity] = {
     "pressure": Quantity(
         "pressure", "Mc²/R²", "triangles", True, "stretched", "compressed"
     ),
-    "shear": Quantity("maximum shear stress", "Mc²/R²", "triangles", False),
+    "shear": Quantity(
+        "maximum shear stress", "Mc²/R²", "triangles", False, short="shear stress"
+    ),
     "fringes": Quantity("photoelastic fringes, order", "", "points", False),
     "rate": Quantity(
         "rate of compression", "c/R", "triangles", True, "expanding", "contracting"
@@ -78,9 +81,15 @@ QUANTITIES: dict[str, Quantity] = {
         "strain of the springs", "", "springs", True, "compressed", "stretched"
     ),
     "force": Quantity("force of the springs", "Mc²/R", "springs", True, "push", "pull"),
-    "speed": Quantity("speed, centre-of-mass frame", "c", "points", False),
+    "speed": Quantity(
+        "speed, centre-of-mass frame", "c", "points", False, short="inner speed"
+    ),
     "kinetic": Quantity(
-        "kinetic energy of a point, centre-of-mass frame", "Mc²", "points", False
+        "kinetic energy of a point, centre-of-mass frame",
+        "Mc²",
+        "points",
+        False,
+        short="inner kinetic energy",
     ),
 }
 

@@ -64,11 +64,9 @@ class Integrator:
         # 1,099, and 2.2 to 3.5 for conjugate gradients.
         if self.dashpots != "implicit":
             return float(self.forces)
-        return (
-            3.5
-            if points > LARGEST_FACTORISED
-            else max(2.8, 0.9 + 1.9 * (points / 1000.0) ** 0.25)
-        )
+        if points > LARGEST_FACTORISED:
+            return 3.5
+        return max(2.8, 0.9 + 1.9 * (points / 1000.0) ** 0.25)
 
     @property
     def observed_kick(self) -> float:
@@ -82,12 +80,12 @@ class Integrator:
         h^2 f/m."""
         # The first kick includes the last kick of the step before.
         kicks = (self.kicks[-1] + self.kicks[0], *self.kicks[1:-1])
-        shifted = ((0.0, 0.0, self.correction),) if self.correction else ()
-        return tuple(
-            stage
-            for pair in zip(kicks, self.moves, strict=True)
-            for stage in ((*pair, 0.0), *shifted)
-        )
+        stages = []
+        for kick, move in zip(kicks, self.moves, strict=True):
+            stages.append((kick, move, 0.0))
+            if self.correction:
+                stages.append((0.0, 0.0, self.correction))
+        return tuple(stages)
 
 
 # Leapfrog form (Hairer, Lubich & Wanner, Acta Numerica 12, 2003), the cheapest for
@@ -105,7 +103,9 @@ TRAPEZOIDAL = replace(VELOCITY_VERLET, name="trapezoidal", dashpots="implicit")
 # errors of e below 1e-7 it needs fewer forces than velocity Verlet. Stability limits
 # the step, and no other composition of order 4 has as long a stable
 # step per force: 0.87/omega (PEFRL 0.75, Suzuki 0.54, Forest-Ruth 0.52).
-_XI, _LAMBDA, _CHI = 0.1644986515575760, -0.02094333910398989, 1.235692651138917
+_XI = 0.1644986515575760
+_LAMBDA = -0.02094333910398989
+_CHI = 1.235692651138917
 _OUTER = 0.5 * (1.0 - 2.0 * _LAMBDA)
 VEFRL = Integrator(
     "vefrl",

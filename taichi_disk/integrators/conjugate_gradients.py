@@ -35,10 +35,6 @@ TOLERANCE = 3e-11
 # Steps of an extrapolation: 3.9 products with the matrix per step at 20,000 points (5.0
 # from four steps, 4.3 from six).
 STEPS = 5
-EXTRAPOLATIONS = [
-    [-((-1.0) ** k) * comb(known, k) for k in range(1, known + 1)]
-    for known in range(1, STEPS + 1)
-]
 MAX_ITERATIONS = 200  # far more than any step needs
 
 
@@ -65,6 +61,12 @@ def diagonal(lattice: Lattice, model: Model, dt: float) -> Diagonal:
     return Diagonal(inertia, inverse)
 
 
+def weight(known: int, k: int) -> float:
+    """Return the weight of the k-th last of `known` equidistant values when the next
+    one is extrapolated from them."""
+    return -((-1.0) ** k) * comb(known, k)
+
+
 @ti.data_oriented
 class IterativeSolver(DashpotSolver):
     """Solves for the velocities at a step without a factor. `previous`: earlier
@@ -78,11 +80,14 @@ class IterativeSolver(DashpotSolver):
         fillers: int,
         springs: Springs,
     ) -> None:
-        self.components, self.springs, self.fillers = components, springs, fillers
+        self.components = components
+        self.springs = springs
+        self.fillers = fillers
         self.z, self.residual, self.direction, self.product = (
             pair_of(builder, capacity.points + fillers) for _ in range(4)
         )
-        self.order, self.free = array(builder, capacity.points), array(builder, 1)
+        self.order = array(builder, capacity.points)
+        self.free = array(builder, 1)
         self.inertia, self.inverse = (
             side_by_side(builder, capacity.points, components) for _ in range(2)
         )
@@ -92,23 +97,23 @@ class IterativeSolver(DashpotSolver):
 
     def contents(self, factor: Any) -> Contents:
         n = len(factor.inertia)
-        contents: Contents = [((self.order,), np.arange(n)), ((self.free,), [n])]
-        contents += [(self.inertia, factor.inertia), (self.inverse, factor.inverse)]
-        return [*contents, (self.direction, np.zeros((n + self.fillers, 2)))]
+        return [
+            ((self.order,), np.arange(n)),
+            ((self.free,), [n]),
+            (self.inertia, factor.inertia),
+            (self.inverse, factor.inverse),
+            (self.direction, np.zeros((n + self.fillers, 2))),
+        ]
 
     @ti.func
     def solve(self, state: ti.template(), age):
-        y = ti.static(self.components - 1)
-        n, half, goal = self.free[0], state.closing[None], 0.0
+        n = self.free[0]
+        half = state.closing[None]
+        goal = 0.0
         for i in range(n):
             right = state.mass[i] * get(state.v, i) + half * get(state.f, i)
-            scaled = ti.Vector(
-                [self.inverse[0][i] * right[0], self.inverse[y][i] * right[1]]
-            )
-            goal += (
-                TOLERANCE * TOLERANCE * (right[0] * scaled[0] + right[1] * scaled[1])
-            )
-            guess = scaled
+            guess = self.scaled(self.inverse, i, right)
+            goal += TOLERANCE * TOLERANCE * right.dot(guess)
             if age > 0:
                 guess = self.extrapolated(state, i, age)
             for k in ti.static(range(STEPS - 2, 0, -1)):
@@ -117,7 +122,8 @@ class IterativeSolver(DashpotSolver):
             put(self.z, i, ti.Vector([0.0, 0.0]))
             put(self.residual, i, right)
             self.search(i, guess)
-        left, count = 2.0 * goal + 1.0, 0
+        left = 2.0 * goal + 1.0
+        count = 0
         while left > goal and count < MAX_ITERATIONS:
             resisted = self.multiply(state, half, n)
             part = left / resisted
@@ -129,22 +135,14 @@ class IterativeSolver(DashpotSolver):
                 put(self.z, i, get(self.z, i) + part * get(self.direction, i))
                 r = get(self.residual, i) - part * get(self.product, i)
                 put(self.residual, i, r)
-                left += (
-                    self.inverse[0][i] * r[0] * r[0] + self.inverse[y][i] * r[1] * r[1]
-                )
+                left += r.dot(self.scaled(self.inverse, i, r))
             beta = left / before
             if count == 0:
                 beta = 0.0
             if left > goal:
                 for i in range(n):
-                    r, last = get(self.residual, i), get(self.direction, i)
-                    self.search(
-                        i,
-                        ti.Vector(
-                            [self.inverse[0][i] * r[0], self.inverse[y][i] * r[1]]
-                        )
-                        + beta * last,
-                    )
+                    next_part = self.scaled(self.inverse, i, get(self.residual, i))
+                    self.search(i, next_part + beta * get(self.direction, i))
             count += 1
 
     @ti.func
@@ -154,22 +152,22 @@ class IterativeSolver(DashpotSolver):
         guess = get(state.u, i)
         for known in ti.static(range(2, STEPS + 1)):
             if ti.min(age, STEPS) == known:
-                guess *= EXTRAPOLATIONS[known - 1][0]
+                guess *= ti.static(weight(known, 1))
                 for k in ti.static(range(1, known)):
-                    guess += EXTRAPOLATIONS[known - 1][k] * get(self.previous[k - 1], i)
+                    before = get(self.previous[k - 1], i)
+                    guess += ti.static(weight(known, k + 1)) * before
         return guess
 
     @ti.func
     def search(self, i, direction):
-        y = ti.static(self.components - 1)
         put(self.direction, i, direction)
-        put(
-            self.product,
-            i,
-            ti.Vector(
-                [self.inertia[0][i] * direction[0], self.inertia[y][i] * direction[1]]
-            ),
-        )
+        put(self.product, i, self.scaled(self.inertia, i, direction))
+
+    @ti.func
+    def scaled(self, diagonal: ti.template(), i, vector):
+        """Return row i of a `diagonal` (n, 1 or 2) times `vector`."""
+        y = ti.static(self.components - 1)
+        return ti.Vector([diagonal[0][i] * vector[0], diagonal[y][i] * vector[1]])
 
     @ti.func
     def multiply(self, state: ti.template(), half, n):
@@ -178,10 +176,8 @@ class IterativeSolver(DashpotSolver):
         eta = half * self.springs.eta_now[None]
         for block in range(state.blocks[None]):
             dx, dy = self.springs.differences(self.direction, block)
-            fx, fy = (
-                self.springs.stiffened(eta * dx, block),
-                self.springs.stiffened(eta * dy, block),
-            )
+            fx = self.springs.stiffened(eta * dx, block)
+            fy = self.springs.stiffened(eta * dy, block)
             for k in ti.static(range(BLOCK)):
                 self.springs.pull_together(
                     self.product, k, block, ti.Vector([-fx[k], -fy[k]])

@@ -68,24 +68,23 @@ def factorise(lattice: Lattice, model: Model, dt: float) -> Factor:
     half = 0.5 * dt
     if model.is_pinned:
         free = np.setdiff1d(free, lattice.wall_boundary)
-    matrix = (
-        half * model.springs.eta * laplacian(lattice) + sp.diags(lattice.masses)
-    ).tocsc()[free][:, free]
-    dashpots = boundary_dashpots(lattice, model, half)[free].T
-    factors = [
-        symmetric_factors(matrix + sp.diags(component)) for component in dashpots
-    ]
-    lowers = [sp.tril(factor.L, -1, format="csc") for factor in factors]
-    for lower in lowers:
+    dampers = half * model.springs.eta * laplacian(lattice)
+    matrix = (dampers + sp.diags(lattice.masses)).tocsc()[free][:, free]
+    values = []
+    inverse_diagonals = []
+    for dashpots in boundary_dashpots(lattice, model, half)[free].T:
+        factor = symmetric_factors(matrix + sp.diags(dashpots))
+        lower = sp.tril(factor.L, -1, format="csc")
         lower.sort_indices()
+        values.append(lower.data)
+        inverse_diagonals.append(1.0 / factor.U.diagonal())
+    # both components have the same order and the same entries
     return Factor(
-        order=free[np.argsort(factors[0].perm_c)].astype(np.int32),
-        column=lowers[0].indptr.astype(np.int32),
-        row=lowers[0].indices.astype(np.int32),
-        values=np.stack([lower.data for lower in lowers], axis=1),
-        inverse_diagonal=np.stack(
-            [1.0 / factor.U.diagonal() for factor in factors], axis=1
-        ),
+        order=free[np.argsort(factor.perm_c)].astype(np.int32),
+        column=lower.indptr.astype(np.int32),
+        row=lower.indices.astype(np.int32),
+        values=np.stack(values, axis=1),
+        inverse_diagonal=np.stack(inverse_diagonals, axis=1),
     )
 
 
@@ -97,26 +96,19 @@ class DashpotSolver:
     def __init__(self, builder: Any, capacity: Capacity, components: int) -> None:
         self.components = components
         self.z = pair_of(builder, capacity.points)
-        self.order, self.column = (
-            array(builder, capacity.points),
-            array(builder, capacity.points + 1),
-        )
-        self.row, self.free = array(builder, capacity.entries), array(builder, 1)
+        self.order = array(builder, capacity.points)
+        self.column = array(builder, capacity.points + 1)
+        self.row = array(builder, capacity.entries)
+        self.free = array(builder, 1)
         self.values = side_by_side(builder, capacity.entries, components)
         self.inverse_diagonal = side_by_side(builder, capacity.points, components)
 
     def contents(self, factor: Any) -> Contents:
-        single = (
-            (self.order, factor.order),
-            (self.column, factor.column),
-            (self.row, factor.row),
-        )
-        contents: Contents = [
-            ((field,), values)
-            for field, values in (*single, (self.free, [len(factor.order)]))
-        ]
         return [
-            *contents,
+            ((self.order,), factor.order),
+            ((self.column,), factor.column),
+            ((self.row,), factor.row),
+            ((self.free,), [len(factor.order)]),
             (self.values, factor.values),
             (self.inverse_diagonal, factor.inverse_diagonal),
         ]
@@ -130,7 +122,8 @@ class DashpotSolver:
             velocities of those steps.
         """
         y = ti.static(self.components - 1)
-        free, half = self.free[0], state.closing[None]
+        free = self.free[0]
+        half = state.closing[None]
         for k in range(free):
             i = self.order[k]
             put(self.z, k, state.mass[i] * get(state.v, i) + half * get(state.f, i))
@@ -157,15 +150,18 @@ class DashpotSolver:
         v with all dashpots D."""
         self.solve(state, age)
         half = state.closing[None]
-        power, cross, late = 0.0, 0.0, 0.0
+        power = 0.0
+        cross = 0.0
+        late = 0.0
         for k in range(self.free[0]):
-            i, u = self.order[k], get(self.z, k)
+            i = self.order[k]
+            u = get(self.z, k)
             before = get(state.u, i)
             v = get(state.v, i)
             loss = get(state.f, i) - state.mass[i] * (u - v) / half
-            power += u[0] * loss[0] + u[1] * loss[1]
-            cross += before[0] * loss[0] + before[1] * loss[1]
-            late += v[0] * loss[0] + v[1] * loss[1]
+            power += u.dot(loss)
+            cross += before.dot(loss)
+            late += v.dot(loss)
             put(state.u, i, u)
         return power, cross, late
 
@@ -176,20 +172,13 @@ class DashpotSolver:
         # At t = 0, where v is v_0, this is an implicit half step, which is stable for
         # stiff dashpots. The energy balance then begins with the returned h^2/(8 m)
         # F.(F - D u), where F is the force without dashpots.
-        half, stored = state.closing[None], 0.0
+        half = state.closing[None]
+        stored = 0.0
         for k in range(self.free[0]):
             i = self.order[k]
-            force, damped = (
-                get(state.f, i),
-                state.mass[i] * (get(state.u, i) - get(state.v, i)) / half,
-            )
-            stored += (
-                0.5
-                * half
-                * half
-                * state.inverse_mass[i]
-                * (force[0] * damped[0] + force[1] * damped[1])
-            )
+            damped = state.mass[i] * (get(state.u, i) - get(state.v, i)) / half
+            product = get(state.f, i).dot(damped)
+            stored += 0.5 * half * half * state.inverse_mass[i] * product
             put(state.f, i, damped)
         return stored
 
@@ -202,7 +191,8 @@ class DashpotSolver:
         self.solve(state, 0)
         half = state.closing[None]
         for k in range(self.free[0]):
-            i, z = self.order[k], get(self.z, k)
+            i = self.order[k]
+            z = get(self.z, k)
             u = get(state.u, i)
             put(state.v, i, 2.0 * u - z)
             put(state.f, i, state.mass[i] * (z - u) / half)

@@ -45,7 +45,7 @@ def point_array(points: ArrayLike) -> Array:
 def check_body(x: Array, max_offset: float = MAX_OFFSET) -> None:
     """Raise InputError unless the points `x` (n, 2) [R] are distinct, have the size of
     a disk, and their mean is at most `max_offset` [R] from x = 0."""
-    from taichi_disk.lattice.spatial import cKDTree
+    from scipy.spatial import cKDTree
 
     n = len(x)
     _check_count(n)
@@ -182,6 +182,14 @@ def left_out(x: Array, used: NDArray[np.bool_]) -> str:
     )
 
 
+def column(values: ArrayLike, count: int, name: str) -> Array:
+    """Return `values` as an array (count,) of real numbers."""
+    array = numbers(values, name)
+    if array.shape != (count,):
+        raise InputError(f"{name} must have the shape ({count},), not {array.shape}")
+    return array
+
+
 def positive(
     values: ArrayLike,
     count: int,
@@ -192,19 +200,18 @@ def positive(
 ) -> Array:
     """Return `values` as an array (count,) of numbers from `low` to `high`, the
     smallest at least 1/`ratio` of the largest."""
-    array = numbers(values, name)
-    if array.shape != (count,):
-        raise InputError(f"{name} must have the shape ({count},), not {array.shape}")
+    array = column(values, count, name)
     for k in np.flatnonzero(~((low <= array) & (array <= high))):
         raise InputError(
             f"{name}[{k}] is {array[k]:g}: it must be a positive number, from {low:g}"
             f" to {high:g}"
         )
     smallest = int(array.argmin())
-    if array.max() > ratio * array[smallest]:
+    largest = array.max()
+    if largest > ratio * array[smallest]:
         raise InputError(
             f"{name}[{smallest}] is {array[smallest]:g}, less than {1 / ratio:g} of the"
-            f" largest, {array.max():g}"
+            f" largest, {largest:g}"
         )
     return array
 

@@ -102,12 +102,14 @@ def rows_of_disk(data: Mapping[str, Any], n: int) -> dict[str, Any]:
         if len(shape) != 2 or shape[1] != width:
             raise InputError(f"{name} must have the shape (any, {width}), not {shape}")
     for name in ("rest_lengths", "stiffness"):
-        if name in data and np.shape(data[name]) != (len(data["bonds"]),):
+        if name in data:
+            springs = len(data["bonds"])
             shape = np.shape(data[name])
-            raise InputError(
-                f"{name} must have the shape ({len(data['bonds'])},), as there are"
-                f" bonds, not {shape}"
-            )
+            if shape != (springs,):
+                raise InputError(
+                    f"{name} must have the shape ({springs},), as there are bonds, not"
+                    f" {shape}"
+                )
     return _Arrays(disk_rows(data, n))
 
 

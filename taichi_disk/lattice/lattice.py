@@ -177,10 +177,11 @@ class Lattice:
 
     def _with_core(self, radius: float, stiffness: float, density: float) -> Lattice:
         # 1: inside the core, 0: on its edge, -1: outside
-        side = np.sign(np.round(radius - _distance(self.positions), 9))
-        side_of_springs = np.sign(side[self.bonds].sum(axis=1))
-        masses = 0.5 * (1.0 + density + side * (density - 1.0))
-        factors = 0.5 * (1.0 + stiffness + side_of_springs * (stiffness - 1.0))
+        depth = np.round(radius - _distance(self.positions), 9)
+        of_points = np.sign(depth)
+        of_springs = np.sign(of_points[self.bonds].sum(axis=1))
+        masses = 0.5 * (1.0 + density + of_points * (density - 1.0))
+        factors = 0.5 * (1.0 + stiffness + of_springs * (stiffness - 1.0))
         core = f"core {radius:g} R: k × {stiffness:g}, ρ × {density:g}"
         return replace(
             self,
@@ -225,7 +226,8 @@ class Lattice:
             rest_lengths: (m,) [R], 1e-9 to 1000, in the order of `springs`; default:
                 distances between `points`.
             triangles: (t, 3) rows of `points`. Their sides are springs; without
-                `springs` there are no other springs.
+                `springs` there are no other springs. Points that belong to neither are
+                left out, which `notes` of the lattice says.
             stiffness: (m,) factors of k_a, k_b and eta, 1e-12 to 1e12, in the order of
                 `springs`. Most should be 1, because the program estimates times and
                 forces from k_a.
@@ -239,50 +241,37 @@ class Lattice:
         bonds = None
         if springs is not None:
             bonds = custom.checked_springs(springs, len(x))
-        elif rest_lengths is not None or stiffness is not None:
-            name = "stiffness" if rest_lengths is None else "rest_lengths"
-            raise InputError(
-                f"{name} without springs: give `springs` too, in the same order"
-            )
-        if masses is not None:
-            masses = custom.positive(masses, len(x), "masses", *custom.MASSES)
-        notes: tuple[str, ...] = ()
         corners = None
         if triangles is not None:
             corners = custom.checked_triangles(triangles, x, bonds)
             used = custom.used_points(len(x), corners, bonds)
             if not used.all():
-                notes = (custom.left_out(x, used),)
                 number = np.cumsum(used) - 1
-                x = x[used]
-                corners = number[corners]
-                bonds = None if bonds is None else number[bonds]
-                masses = None if masses is None else masses[used]
+                if bonds is not None:
+                    springs = number[bonds]
+                if masses is not None:
+                    masses = custom.column(masses, len(x), "masses")[used]
+                lattice = cls.from_points(
+                    x[used],
+                    springs,
+                    rest_lengths,
+                    triangles=number[corners],
+                    stiffness=stiffness,
+                    masses=masses,
+                )
+                return replace(lattice, notes=(custom.left_out(x, used),))
         custom.check_body(x)
 
-        if corners is not None:
-            lattice, order = _first_in_one_piece(x, bonds, corners)
-        elif bonds is not None:
-            lattice, order = _first_in_one_piece(x, bonds, *triangles_of(x, bonds))
-        else:
-            lattice, order = _meshed(x)
-        arrays: dict[str, Any] = {"notes": notes}
+        lattice, order = _joined(x, bonds, corners)
+        arrays: dict[str, Any] = {}
         if masses is not None:
-            arrays["masses"] = _scaled_masses(masses[order])
-        if bonds is not None:
-            # the place of each spring of the lattice in `springs`
-            rank = np.argsort(pair_keys(np.argsort(order)[bonds], len(x)))
-            count = len(bonds)
-            if rest_lengths is not None:
-                lengths = custom.positive(
-                    rest_lengths, count, "rest_lengths", *custom.REST_LENGTHS
-                )
-                arrays["rest_lengths"] = lengths[rank]
-            if stiffness is not None:
-                factors = custom.positive(
-                    stiffness, count, "stiffness", *custom.STIFFNESS
-                )
-                arrays["stiffness"] = _stiffness_or_none(factors[rank])
+            of_points = custom.positive(masses, len(x), "masses", *custom.MASSES)
+            arrays["masses"] = _scaled_masses(of_points[order])
+        for name, values in (("rest_lengths", rest_lengths), ("stiffness", stiffness)):
+            if values is not None:
+                arrays[name] = _of_springs(name, values, bonds, order)
+        if stiffness is not None:
+            arrays["stiffness"] = _stiffness_or_none(arrays["stiffness"])
         return replace(lattice, **arrays)
 
     @classmethod
@@ -417,10 +406,12 @@ def tiled(
     if bonds is None:
         side, first, _ = distinct_sides(triangles, n)
         bonds = side[first]
-    order = reverse_cuthill_mckee(bonds, n, int(np.argmin(points[:, 0])))
+    leftmost = int(np.argmin(points[:, 0]))
+    order = reverse_cuthill_mckee(bonds, n, leftmost)
     rank = np.argsort(order)
     bonds = np.sort(rank[bonds], axis=1)
-    bonds = bonds[np.argsort(bonds[:, 0] * n + bonds[:, 1])]
+    i, j = bonds.T
+    bonds = bonds[np.argsort(i * n + j)]
     x = points[order]
     none = np.empty(0, np.int32)
     lattice = Lattice(
@@ -469,6 +460,31 @@ def outline_of(points: Array, triangles: Long) -> Long:
 def from_lowest(ring: NDArray[IntegerT]) -> NDArray[IntegerT]:
     """Rotate a closed chain of points so that it begins with the lowest index."""
     return np.roll(ring, -int(np.argmin(ring)))
+
+
+def _joined(
+    x: Array, bonds: Long | None, triangles: Long | None
+) -> tuple[Lattice, Long]:
+    """Return the lattice of the points `x` (n, 2) and the order of `tiled`."""
+    if triangles is not None:
+        return _first_in_one_piece(x, bonds, triangles)
+    if bonds is not None:
+        return _first_in_one_piece(x, bonds, *triangles_of(x, bonds))
+    return _meshed(x)
+
+
+def _of_springs(name: str, values: Any, bonds: Long | None, order: Long) -> Array:
+    """Return `values` (m,) of the user's `bonds` in the order of the lattice's springs,
+    whose points are points[order]."""
+    if bonds is None:
+        raise InputError(
+            f"{name} without springs: give `springs` too, in the same order"
+        )
+    limits = {"rest_lengths": custom.REST_LENGTHS, "stiffness": custom.STIFFNESS}
+    array = custom.positive(values, len(bonds), name, *limits[name])
+    rank = np.argsort(order)
+    keys = pair_keys(rank[bonds], len(order))
+    return array[np.argsort(keys)]
 
 
 def _first_in_one_piece(

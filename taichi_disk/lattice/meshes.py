@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from taichi_disk.errors import InputError, pip_install
+from taichi_disk.errors import InputError, install_extra, pip_install
 from taichi_disk.lattice.triangles import Array, Long
 
 # largest difference of coordinates along an axis that is left out, over the mesh's size
@@ -58,7 +58,7 @@ def _read(path: Path) -> Any:
     except ImportError:
         raise InputError(
             "a lattice is read from a .csv or .npz file; for meshes meshio is needed:"
-            f" {pip_install('taichi-disk[export]')}"
+            f" {install_extra('export')}"
         ) from None
     if path.suffix.lower() not in meshio.extension_to_filetypes:
         known = " ".join(sorted(meshio.extension_to_filetypes))
@@ -98,10 +98,10 @@ def _triangles_of(mesh: Any) -> Long:
 def _check_flat(points: Array) -> None:
     size = np.ptp(points, axis=0)
     if points.shape[1] > 2 and size[2] > _FLATNESS * size.max():
-        low, high = points[:, 2].min(), points[:, 2].max()
+        z = points[:, 2]
         raise InputError(
-            f"the mesh is not flat: z runs from {low:g} to {high:g}, and must be the"
-            " same for all points"
+            f"the mesh is not flat: z runs from {z.min():g} to {z.max():g}, and must be"
+            " the same for all points"
         )
 
 
@@ -133,6 +133,8 @@ def enclosing_radius(points: Array) -> float:
 
 
 def _circumradius(a: Array, b: Array, c: Array) -> float:
-    ab, ac = b - a, c - a
+    ab = b - a
+    ac = c - a
+    double_area = abs(ab[0] * ac[1] - ab[1] * ac[0])
     sides = np.linalg.norm(ab) * np.linalg.norm(ac) * np.linalg.norm(b - c)
-    return float(sides / (2.0 * abs(ab[0] * ac[1] - ab[1] * ac[0])))
+    return float(sides / (2.0 * double_area))

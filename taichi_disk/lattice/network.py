@@ -31,7 +31,9 @@ _MAX_DENSE_SIZE = 64
 # degrees of freedom; for more, Lanczos iteration takes seconds and has a looser
 # tolerance
 _LARGE_SIZE = 50_000
-_MIN_SAMPLE, _MAX_SAMPLE = 300, 20_000  # points of the sample whose moduli are measured
+# points of the sample whose moduli are measured
+_MIN_SAMPLE = 300
+_MAX_SAMPLE = 20_000
 # width of the layer along the sides of a sample that is not measured, in mean springs
 _EDGE_LAYER = 3.0
 

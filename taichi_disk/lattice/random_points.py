@@ -15,7 +15,8 @@ import numpy as np
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice.triangles import Array
 
-MIN_POINTS, MAX_POINTS = 3, 2_000_000
+MIN_POINTS = 3
+MAX_POINTS = 2_000_000
 # rows of springs across a wall or a ring; with fewer it is a truss rather than a
 # lattice
 MIN_ROWS = 3
@@ -212,7 +213,7 @@ def _adsorb(
     # Darts are thrown into square cells. As the region fills up, cells covered by one
     # point are removed and the others quartered (Ebeida et al., ACM Trans. Graph. 30,
     # 49, 2011), so darts stay uniform in the free area but rarely miss.
-    from taichi_disk.lattice.spatial import cKDTree
+    from scipy.spatial import cKDTree
 
     side = float(np.sqrt(np.prod(high - low) / (4 * count)))
     nx, ny = np.maximum(np.ceil((high - low) / side), 1).astype(int)
@@ -244,7 +245,7 @@ def _free_cells(
 ) -> Array:
     """Keep only cells that may contain a place in the region at least `spacing` from
     all points."""
-    from taichi_disk.lattice.spatial import cKDTree
+    from scipy.spatial import cKDTree
 
     half_diagonal = side * np.sqrt(0.5)
     cells = cells[depth(cells + side / 2) >= -half_diagonal]
@@ -255,7 +256,7 @@ def _free_cells(
 
 def _accepted(darts: Array, spacing: float) -> Array:
     """Remove darts that are closer than `spacing` to an earlier one that stays."""
-    from taichi_disk.lattice.spatial import cKDTree
+    from scipy.spatial import cKDTree
 
     pairs = cKDTree(darts).query_pairs(spacing, output_type="ndarray")
     pairs = np.sort(pairs, axis=1)
@@ -311,8 +312,8 @@ def _frame(low: Array, high: Array, row: float) -> Array:
     nx, ny = (max(round(float(length) / row), 1) for length in high - low)
     x = np.linspace(low[0], high[0], nx + 1)
     y = np.linspace(low[1], high[1], ny + 1)[1:-1]
-    sides = [
-        np.stack([x, np.full_like(x, level)], axis=1) for level in (low[1], high[1])
-    ]
-    sides += [np.stack([np.full_like(y, end), y], axis=1) for end in (low[0], high[0])]
-    return np.concatenate(sides)
+    bottom = np.stack([x, np.full_like(x, low[1])], axis=1)
+    top = np.stack([x, np.full_like(x, high[1])], axis=1)
+    left = np.stack([np.full_like(y, low[0]), y], axis=1)
+    right = np.stack([np.full_like(y, high[0]), y], axis=1)
+    return np.concatenate([bottom, top, left, right])

@@ -51,9 +51,11 @@ def read_table(text: str) -> tuple[Array, Array | None]:
     columns = _named_columns(header)
     table = _numbers(rows[1:], separator, list(columns.values()), len(header))
     named = dict(zip(columns, table.T, strict=True))
-    if "z" in named and np.ptp(named["z"]) > 0.0:
-        low, high = named["z"].min(), named["z"].max()
-        raise InputError(f"z must be the same for all points, not {low:g} to {high:g}")
+    z = named.get("z", np.zeros(1))
+    if np.ptp(z) > 0.0:
+        raise InputError(
+            f"z must be the same for all points, not {z.min():g} to {z.max():g}"
+        )
     return np.stack([named["x"], named["y"]], axis=1), named.get("mass")
 
 

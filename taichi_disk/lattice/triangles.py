@@ -31,7 +31,7 @@ def bond_lengths(positions: Array, bonds: NDArray[np.signedinteger]) -> Array:
 def delaunay(points: Array) -> Long:
     """Return the Delaunay triangles (t, 3) of `points` (n, 2), counter-clockwise,
     without those of zero area."""
-    from taichi_disk.lattice.spatial import Delaunay, QhullError
+    from scipy.spatial import Delaunay, QhullError
 
     try:
         triangles = Delaunay(points).simplices.astype(np.int64)  # counter-clockwise

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_disk import runtime
-from taichi_disk.errors import TaichiDiskError, pip_install
+from taichi_disk.errors import TaichiDiskError, install_extra
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import DRAWING, bundle, source
@@ -26,7 +26,7 @@ try:
     from anywidget import AnyWidget
 except ImportError as error:
     raise TaichiDiskError(
-        f"no widget, because of {error}: {pip_install('taichi-disk[notebook]')}"
+        f"no widget, because of {error}: {install_extra('notebook')}"
     ) from None
 
 _MODULES = (
@@ -36,6 +36,8 @@ _MODULES = (
     "controls.js",
     "results.js",
     "scenes.js",
+    "watch.js",
+    "webm.js",
     "sandbox.js",
     "widget.js",
 )
@@ -62,14 +64,15 @@ class Sandbox(AnyWidget):
 
         Raises InputError for a bad scene, RuntimeError if no event loop runs.
         """
+        # `close` is called even if the scene is refused
+        self._views: dict[float, Visitor] = {}
+        self._running: asyncio.Task[None] | None = None
         runtime.start()
         self._loop = asyncio.get_running_loop()
         first = scene if isinstance(scene, Scene) else load_scene(scene, overrides)
         with runtime.alone():
             self._session = Session(list_presets(first), KernelCache())
         self._audience = Audience(self._session, all_play=True)
-        self._views: dict[float, Visitor] = {}
-        self._running: asyncio.Task[None] | None = None
         (page,) = re.findall(r"<main.*</main>", source("index.html"), re.DOTALL)
         constants = (
             f"const PAGE = {json.dumps(page)}, STYLE ="
@@ -88,21 +91,23 @@ class Sandbox(AnyWidget):
         """Handle a message from a view, which opens, closes, or sends a command like
         that of a page."""
         name = message.pop("visitor")
+        visitor = self._views.get(name)
         if message["do"] == "open":
             self._views[name] = self._audience.join(partial(self._show, name))
-            self._running = self._running or asyncio.create_task(self._audience.run())
-        elif (visitor := self._views.get(name)) and message["do"] == "close":
+        elif visitor and message["do"] == "close":
             self._audience.leave(self._views.pop(name))
         elif visitor:
             self._audience.hear(visitor, json.dumps(message))
+        # an interrupt of the notebook's kernel may have ended the task
+        if self._views and (self._running is None or self._running.done()):
+            self._running = asyncio.create_task(self._audience.run())
 
     def _show(self, name: float, message: Message) -> None:
         """Send a text or a state to one view."""
-        is_text = isinstance(message, str)
-        self.send(
-            {"to": name, "text": message} if is_text else {"to": name},
-            [] if is_text else [message],
-        )
+        if isinstance(message, str):
+            self.send({"to": name, "text": message}, [])
+        else:
+            self.send({"to": name}, [message])
 
     def close(self) -> None:
         """End the sandbox in all its views."""

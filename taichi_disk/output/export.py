@@ -17,7 +17,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import yaml
 
-from taichi_disk.errors import InputError, pip_install
+from taichi_disk.errors import InputError, install_extra
 from taichi_disk.fields import Triangles, point_stress, pressure, stress
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.output.files import (
@@ -56,36 +56,34 @@ def _frames(
     triangles = Triangles(lattice)
     for time, x, v in moments:
         contact = np.zeros_like(x)
+        wall_energy = 0.0
         if model.wall is not None:
             touching, forces = model.wall.contact_forces(lattice, x, v, model.springs)
             contact[touching] = forces
-        sigma, at_points = (
-            stress(triangles, model.springs, x),
-            point_stress(triangles, model.springs, x),
-        )
+            wall_energy = model.wall.energy(lattice, x)
+        in_triangles = stress(triangles, model.springs, x)
+        at_points = point_stress(triangles, model.springs, x)
         springs = {
             "strain": model.springs.strain(lattice, x),
             "tension": model.springs.tension(lattice, x),
             "energy": model.springs.energies(lattice, x),
         }
-        energies = {
-            "kinetic": float(0.5 * lattice.masses @ (v * v).sum(axis=1)),
-            "elastic": float(springs["energy"].sum()),
-            "wall": model.wall.energy(lattice, x) if model.wall is not None else 0.0,
-        }
-        points = {
-            "contact_force": contact,
-            "stress": at_points,
-            "pressure": pressure(at_points),
-        }
         yield Frame(
-            time,
-            x,
-            v,
-            points,
-            springs,
-            {"stress": sigma, "pressure": pressure(sigma)},
-            energies,
+            time=time,
+            positions=x,
+            velocities=v,
+            points={
+                "contact_force": contact,
+                "stress": at_points,
+                "pressure": pressure(at_points),
+            },
+            springs=springs,
+            triangles={"stress": in_triangles, "pressure": pressure(in_triangles)},
+            energies={
+                "kinetic": float(0.5 * lattice.masses @ (v * v).sum(axis=1)),
+                "elastic": float(springs["energy"].sum()),
+                "wall": wall_energy,
+            },
         )
 
 
@@ -116,60 +114,60 @@ def _write_xyz(
     The stress is called `Stress`, which OVITO reads as a tensor, because ASE reads
     `stress` and `energy` as values of the whole system.
     """
-    n, side = len(lattice.positions), 0.0
+    n = len(lattice.positions)
     species = np.where(np.arange(n) < lattice.disk_points, "X", "Si")
-    size = np.full(n, _radius(lattice))
-    ends = lattice.bonds.ravel()
-    springs = np.maximum(np.bincount(ends, minlength=n), 1)
     metadata = f'Program="{PROGRAM}" Scene="{_in_a_line(scene)}"'
+    side = 0.0
     with path.open("w", encoding="utf-8", newline="\n") as file:
         for frame in frames:
-            columns = {
-                "pos": frame.positions,
-                "velo": frame.velocities,
-                "mass": lattice.masses,
-                "radius": size,
-            }
-            columns |= {
-                "masses": lattice.masses,
-                "momenta": lattice.masses[:, None] * frame.velocities,
-            }
-            columns |= {
-                "Stress" if name == "stress" else name: values
-                for name, values in frame.points.items()
-            }
-            for name, each in frame.springs.items():
-                columns[f"springs_{name}"] = (
-                    np.bincount(ends, np.repeat(each, 2), n) / springs
-                )
-            columns["springs_energy"] *= 0.5 * springs
-            parts = {
-                name: _three_dimensional(values).reshape(n, -1)
-                for name, values in columns.items()
-            }
-            kinds = ":".join(
-                f"{name}:R:{values.shape[1]}" for name, values in parts.items()
-            )
-            energies = " ".join(
-                f"{name}_energy={value:.17g}" for name, value in frame.energies.items()
-            )
             # OVITO before 3.17 reads time and energies only if there is a box.
             side = max(side, 2.0 * float(np.abs(frame.positions).max()))
             box = (
                 f'Lattice="{side:.12g} 0 0 0 {side:.12g} 0 0 0 1"'
                 f' Origin="{-side / 2:.12g} {-side / 2:.12g} -0.5"'
             )
-            properties = f"Properties=species:S:1:{kinds}"
+            columns = _xyz_columns(lattice, frame)
+            kinds = ["species:S:1"]
+            for name, values in columns.items():
+                kinds.append(f"{name}:R:{values.shape[1]}")
+            properties = f"Properties={':'.join(kinds)}"
+            energies = " ".join(
+                f"{name}_energy={value:.17g}" for name, value in frame.energies.items()
+            )
             file.write(
                 f"{n}\n{box} {metadata} {properties} Time={frame.time:.17g} {energies}"
                 ' pbc="F F F"\n'
             )
-            table = np.concatenate(list(parts.values()), axis=1)
+            table = np.concatenate(list(columns.values()), axis=1)
             line = "%s" + " %.12g" * table.shape[1] + "\n"
-            file.writelines(
-                line % (kind, *row)
-                for kind, row in zip(species, table.tolist(), strict=True)
-            )
+            for kind, row in zip(species, table.tolist(), strict=True):
+                file.write(line % (kind, *row))
+
+
+def _xyz_columns(lattice: Lattice, frame: Frame) -> dict[str, Array]:
+    """Return the columns (n, k) of an XYZ file by name."""
+    n = len(lattice.positions)
+    columns = {
+        "pos": frame.positions,
+        "velo": frame.velocities,
+        "mass": lattice.masses,
+        "radius": np.full(n, _radius(lattice)),
+        "masses": lattice.masses,
+        "momenta": lattice.masses[:, None] * frame.velocities,
+        "contact_force": frame.points["contact_force"],
+        "Stress": frame.points["stress"],
+        "pressure": frame.points["pressure"],
+    }
+    ends = lattice.bonds.ravel()
+    springs = np.maximum(np.bincount(ends, minlength=n), 1)
+    for name, values in frame.springs.items():
+        mean = np.bincount(ends, np.repeat(values, 2), n) / springs
+        columns[f"springs_{name}"] = mean
+    columns["springs_energy"] *= 0.5 * springs
+    return {
+        name: _three_dimensional(values).reshape(n, -1)
+        for name, values in columns.items()
+    }
 
 
 def _write_gsd(
@@ -239,34 +237,29 @@ def _write_vtu(
     # can hide either. The folder is complete before the .pvd file is written.
     import meshio
 
-    folder, datasets = path.with_suffix(""), []
+    folder = path.with_suffix("")
+    datasets: list[str] = []
 
     def fill(new: Path) -> None:
         new.mkdir()
         for number, frame in enumerate(frames):
-            points = frame.points | {
+            x = _three_dimensional(frame.positions)
+            quantities = frame.points | {
                 "velocity": frame.velocities,
                 "mass": lattice.masses,
             }
-            points = {
-                name: _three_dimensional(values) for name, values in points.items()
-            }
-            cells = {
-                "springs": ("line", lattice.bonds),
-                "triangles": ("triangle", lattice.triangles),
-            }
-            for part, kind in enumerate(cells):
+            points = _each_three_dimensional(quantities)
+            parts = (
+                ("springs", ("line", lattice.bonds), frame.springs),
+                ("triangles", ("triangle", lattice.triangles), frame.triangles),
+            )
+            for part, (kind, cells, values) in enumerate(parts):
                 cell_data = {
-                    name: [_three_dimensional(values)]
-                    for name, values in getattr(frame, kind).items()
+                    name: [each]
+                    for name, each in _each_three_dimensional(values).items()
                 }
                 name = f"{number:04}_{kind}.vtu"
-                mesh = meshio.Mesh(
-                    _three_dimensional(frame.positions),
-                    [cells[kind]],
-                    points,
-                    cell_data,
-                )
+                mesh = meshio.Mesh(x, [cells], points, cell_data)
                 mesh.write(new / name, file_format="vtu")
                 file = quoteattr(f"{folder.name}/{name}")
                 datasets.append(
@@ -274,15 +267,16 @@ def _write_vtu(
                 )
 
     atomic_write(folder, fill)
-    comment = f"<!-- {PROGRAM}: {_in_a_line(scene).replace('--', '- -')} -->"
     lines = [
         '<?xml version="1.0"?>',
-        comment,
+        f"<!-- {PROGRAM}: {_in_a_line(scene).replace('--', '- -')} -->",
         '<VTKFile type="Collection" version="0.1">',
         "<Collection>",
         *datasets,
+        "</Collection>",
+        "</VTKFile>",
     ]
-    write_text(path, "\n".join([*lines, "</Collection>", "</VTKFile>", ""]))
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def _write_npz(
@@ -292,46 +286,46 @@ def _write_npz(
     springs_…, triangles_… as in `Frame`."""
     # One frame is in memory, then 16 MiB of one array: temporary files collect the
     # frames of each array.
-    parts: dict[str, tuple[IO[bytes], Array]] = {}
+    collected: dict[str, IO[bytes]] = {}
+    first: dict[str, Array] = {}
     with ExitStack() as files:
         for frame in frames:
-            row: dict[str, Any] = {
-                "t": frame.time,
-                "positions": frame.positions,
-                "velocities": frame.velocities,
-            }
-            for kind in ("points", "springs", "triangles"):
-                row |= {
-                    f"{kind}_{name}": values
-                    for name, values in getattr(frame, kind).items()
-                }
-            row |= {f"{name}_energy": value for name, value in frame.energies.items()}
-            for name, value in row.items():
-                if name not in parts:
-                    parts[name] = (
-                        files.enter_context(TemporaryFile(dir=path.parent)),
-                        np.asarray(value),
+            for name, value in _npz_arrays(frame).items():
+                if name not in collected:
+                    collected[name] = files.enter_context(
+                        TemporaryFile(dir=path.parent)
                     )
-                parts[name][0].write(np.asarray(value).tobytes())
+                    first[name] = value
+                collected[name].write(value.tobytes())
         arrays: dict[str, Any] = {"scene": origin(scene)}
-        for name, (file, first) in parts.items():
-            arrays[name] = np.memmap(
-                file,
-                first.dtype,
-                "r",
-                shape=(file.tell() // first.nbytes, *first.shape),
-            )
-        optional = ("stiffness",) if lattice.stiffness is not None else ()
-        for name in (
-            "bonds",
-            "triangles",
-            "rest_lengths",
-            "masses",
-            "disk_points",
-            *optional,
-        ):
+        for name, file in collected.items():
+            one = first[name]
+            shape = (file.tell() // one.nbytes, *one.shape)
+            arrays[name] = np.memmap(file, one.dtype, "r", shape=shape)
+        for name in ("bonds", "triangles", "rest_lengths", "masses", "disk_points"):
             arrays[name] = getattr(lattice, name)
+        if lattice.stiffness is not None:
+            arrays["stiffness"] = lattice.stiffness
         np.savez(path, **arrays)
+
+
+def _npz_arrays(frame: Frame) -> dict[str, Array]:
+    arrays: dict[str, Any] = {
+        "t": frame.time,
+        "positions": frame.positions,
+        "velocities": frame.velocities,
+    }
+    quantities = {
+        "points": frame.points,
+        "springs": frame.springs,
+        "triangles": frame.triangles,
+    }
+    for kind, values in quantities.items():
+        for name, each in values.items():
+            arrays[f"{kind}_{name}"] = each
+    for name, value in frame.energies.items():
+        arrays[f"{name}_energy"] = value
+    return {name: np.asarray(value) for name, value in arrays.items()}
 
 
 def _radius(lattice: Lattice) -> float:
@@ -346,7 +340,13 @@ def _three_dimensional(values: Array) -> Array:
     if values.ndim == 1:
         return values
     padded = np.pad(values, ((0, 0), (0, 1)))
-    return padded if values.shape[1] == 2 else padded.take([0, 1, 3, 2, 3, 3], axis=1)
+    if values.shape[1] == 2:
+        return padded
+    return padded.take([0, 1, 3, 2, 3, 3], axis=1)
+
+
+def _each_three_dimensional(quantities: dict[str, Array]) -> dict[str, Array]:
+    return {name: _three_dimensional(values) for name, values in quantities.items()}
 
 
 class Format(NamedTuple):
@@ -373,19 +373,18 @@ def check_export(path: Path, format: str | None = None) -> tuple[Path, Format]:
     """
     if path.is_dir() and format in FORMATS:
         path = path / f"trajectory{FORMATS[format].suffix}"
-    found = next(
-        (name for name, one in FORMATS.items() if one.suffix == path.suffix), ""
-    )
-    if not found or format not in (None, found):
-        endings = ", ".join(f"{name} ({one.suffix})" for name, one in FORMATS.items())
-        raise InputError(
-            f"cannot export to {path}{f' as {format}' if format else ''}: the formats"
-            f" are {endings}"
-        )
-    kind = FORMATS[found]
+    by_suffix = {kind.suffix: name for name, kind in FORMATS.items()}
+    name = by_suffix.get(path.suffix)
+    if name is None or format not in (None, name):
+        target = str(path)
+        if format:
+            target += f" as {format}"
+        endings = ", ".join(f"{name} ({suffix})" for suffix, name in by_suffix.items())
+        raise InputError(f"cannot export to {target}: the formats are {endings}")
+    kind = FORMATS[name]
     if kind.package and find_spec(kind.package) is None:
-        needed = f"the format {found} needs the package {kind.package}"
-        raise InputError(f"{needed}: {pip_install('taichi-disk[export]')}")
+        needed = f"the format {name} needs the package {kind.package}"
+        raise InputError(f"{needed}: {install_extra('export')}")
     prepare_output(path.parent)
     if kind.write is _write_vtu:
         check_pictures(path.with_suffix(""))
@@ -402,7 +401,8 @@ def export_run(
     written.
     """
     path, kind = check_export(path, format)
-    scene, lattice = scenario.scene, scenario.lattice
+    scene = scenario.scene
+    lattice = scenario.lattice
     frames = _frames(lattice, scenario.model, moments)
     # writes several files, and makes them appear at once by itself
     if kind.write is _write_vtu:

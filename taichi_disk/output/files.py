@@ -26,7 +26,8 @@ from taichi_disk import engine
 from taichi_disk.errors import InputError, SimulationError, reason
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.machine import processor
-from taichi_disk.simulation.observables import COLUMNS
+from taichi_disk.simulation.observables import COLUMNS, Column
+from taichi_disk.text_files import read_text
 from taichi_disk.version import __version__
 
 if TYPE_CHECKING:
@@ -70,7 +71,9 @@ def remove_empty(folders: list[Path]) -> None:
 
 def cannot_write(out: Path, error: BaseException) -> InputError:
     blockers = [path for path in (out, *out.parents) if os.path.isfile(path)]
-    why = f"{blockers[0]} is a file" if blockers else reason(error)
+    why = reason(error)
+    if blockers:
+        why = f"{blockers[0]} is a file"
     return InputError(
         f"cannot write into the output folder {out}: {why}; choose another as `out`"
     )
@@ -103,8 +106,10 @@ def atomic_write(path: Path, writer: Callable[[Path], object]) -> None:
         writer(new)
         replace(new, path)
     except OSError as error:
+        shown = str(path)
         # The user does not know the hidden folder in which a run is built.
-        shown = path.name if path.parent.name.startswith(".") else path
+        if path.parent.name.startswith("."):
+            shown = path.name
         raise SimulationError(f"cannot write {shown}: {reason(error)}") from error
     finally:
         remove(new)
@@ -150,23 +155,25 @@ def listed(folder: Path) -> list[str]:
 
 def read_summary(folder: Path) -> dict[str, Any]:
     """Return the contents of summary.json, or {} if it is missing or damaged."""
-    path = folder / "summary.json"
-    if not path.is_file():
-        return {}
     try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        summary = json.loads(read_text(folder / "summary.json"))
+    except (OSError, InputError, ValueError, RecursionError):
         return {}
-    return summary if isinstance(summary, dict) else {}
+    if not isinstance(summary, dict):
+        return {}
+    return summary
 
 
 def digests(folder: Path, summary: dict[str, Any]) -> dict[str, str]:
     """Return SHA-256 digests of a run's files, and of its summary without these
     digests."""
-    paths = folder / "scene.yaml", folder / "timeseries.csv"
-    data = {path.name: path.read_bytes() if path.is_file() else b"" for path in paths}
-    data["summary.json"] = json.dumps({**summary, "digests": None}).encode()
-    return {name: hashlib.sha256(one).hexdigest() for name, one in data.items()}
+    contents = {}
+    for name in ("scene.yaml", "timeseries.csv"):
+        contents[name] = b""
+        if (folder / name).is_file():
+            contents[name] = (folder / name).read_bytes()
+    contents["summary.json"] = json.dumps({**summary, "digests": None}).encode()
+    return {name: hashlib.sha256(data).hexdigest() for name, data in contents.items()}
 
 
 def check_pictures(folder: Path) -> None:
@@ -196,17 +203,22 @@ def write_timeseries(
 ) -> None:
     """Write timeseries.csv with about one row per `interval` [R/c] and the last row;
     `columns` have at least two."""
-    due = {"always": True, "never": False}
-    names = [
-        one.name
-        for one in COLUMNS
-        if one.name in columns and due.get(one.written, bool(columns[one.name].any()))
-    ]
+    names = [column.name for column in COLUMNS if _is_written(column, columns)]
     table = np.stack([columns[name] for name in names], axis=1)
     every = max(1, round(interval / float(columns["t"][1])))
-    kept = [*range(0, len(table) - 1, every), -1]
-    how = {"fmt": "%.17g", "delimiter": ",", "header": ",".join(names), "comments": ""}
-    atomic_write(path, lambda new: np.savetxt(new, table[kept], **how))
+    rows = table[[*range(0, len(table) - 1, every), -1]]
+    atomic_write(
+        path,
+        lambda new: np.savetxt(
+            new, rows, "%.17g", delimiter=",", header=",".join(names), comments=""
+        ),
+    )
+
+
+def _is_written(column: Column, columns: dict[str, Array]) -> bool:
+    if column.name not in columns or column.written == "never":
+        return False
+    return column.written == "always" or bool(columns[column.name].any())
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:

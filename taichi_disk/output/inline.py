@@ -31,7 +31,8 @@ class Plot(Figure):
     """A Matplotlib figure that a notebook shows without pyplot."""
 
     def _repr_png_(self, dpi: float | str = "figure") -> bytes:
-        self.savefig(buffer := BytesIO(), format="png", dpi=dpi)
+        buffer = BytesIO()
+        self.savefig(buffer, format="png", dpi=dpi)
         return buffer.getvalue()
 
 
@@ -53,11 +54,9 @@ class Film:
                 f' srcdoc="{escape(self.data.decode())}"></iframe>'
             )
         source = f'style="max-width: 100%" src="{_inline(self.data, self.kind)}"'
-        return (
-            f"<video controls loop {source}></video>"
-            if self.kind in ("mp4", "webm")
-            else f"<img {source}>"
-        )
+        if self.kind in ("mp4", "webm"):
+            return f"<video controls loop {source}></video>"
+        return f"<img {source}>"
 
 
 def dataframe(data: Any, otherwise: str) -> DataFrame:
@@ -74,10 +73,7 @@ def dataframe(data: Any, otherwise: str) -> DataFrame:
 
 
 def card(title: str, rows: Iterable[tuple[str, ...]], figure: Plot | None) -> str:
-    body = "".join(
-        f"<tr>{''.join(f'<td {_LEFT}>{escape(cell)}</td>' for cell in row)}</tr>"
-        for row in rows
-    )
+    body = "".join(map(_table_row, rows))
     table = f"<div><b>{escape(title)}</b><table {_LEFT}>{body}</table></div>"
     image = ""
     if figure:
@@ -88,6 +84,11 @@ def card(title: str, rows: Iterable[tuple[str, ...]], figure: Plot | None) -> st
             f' src="{_inline(data, "png")}">'
         )
     return f'<div style="display: flex; flex-wrap: wrap; gap: 2em">{table}{image}</div>'
+
+
+def _table_row(cells: Iterable[str]) -> str:
+    row = "".join(f"<td {_LEFT}>{escape(cell)}</td>" for cell in cells)
+    return f"<tr>{row}</tr>"
 
 
 _LEFT = 'style="text-align: left; padding: 0.1em 0.8em 0.1em 0; white-space: nowrap"'

@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 from taichi_disk.errors import InputError, SimulationError, reason
 from taichi_disk.output import files
+from taichi_disk.text_files import read_text
 
 FILMS = ("video.mp4", "video.webm", "video.gif", "video.html", "frames")
 RUN_FILES = re.compile(
@@ -44,14 +45,19 @@ class FolderContents(NamedTuple):
 def inspect(folder: Path) -> FolderContents:
     """Return the contents of `folder`, which are empty if it does not exist. Raises
     OSError if it cannot be listed."""
-    names = files.listed(folder) if folder.exists() else []
+    if not folder.exists():
+        return FolderContents([], [])
+    names = files.listed(folder)
     summary = files.read_summary(folder)
     if "status" not in summary or "scene.yaml" not in names:
         return FolderContents(names, names)
     foreign = [name for name in names if not _is_of_a_run(folder / name)]
     if foreign:
         return FolderContents(names, foreign)
-    scene = (folder / "scene.yaml").read_text(encoding="utf-8", errors="replace")
+    try:
+        scene = read_text(folder / "scene.yaml")
+    except InputError:  # huge or not text, so no run wrote it
+        return FolderContents(names, ["scene.yaml"])
     run = scene, str(summary.get("lattice_digest", ""))
     return FolderContents(names, [], run, str(summary["status"]))
 
@@ -147,7 +153,7 @@ class RunFolder:
 def run_folder(
     out: Path | str,
     scene_yaml: str,
-    explicit: bool,
+    count_on: bool,
     overwrite: bool = False,
     say: Callable[[str], None] = lambda text: None,
     lattice: str = "",
@@ -161,8 +167,7 @@ def run_folder(
     Args:
         out: folder of the run.
         scene_yaml: the resolved scene; written as scene.yaml.
-        explicit: whether the user named `out`. If not, and `out` is in use, out-2,
-            out-3, … are tried.
+        count_on: whether to use out-2, out-3, … if `out` is in use.
         overwrite: whether another run in `out` may be replaced.
         say: receives a sentence if another folder is used.
         lattice: digest of a custom lattice or custom velocities, lattice_digest in the
@@ -187,10 +192,10 @@ def run_folder(
             folder = RunFolder(path, asked, [(scene_yaml, lattice)], say)
             if overwrite:
                 folder.replaceable.append(inspect(asked).run)
-            if explicit:
-                folder.choose([asked], "done", " (overwrite=True replaces it)")
-            else:
+            if count_on:
                 folder.out = folder.choose(_numbered(asked), "done")
+            else:
+                folder.choose([asked], "done", " (overwrite=True replaces it)")
         except (OSError, ValueError) as error:
             raise files.cannot_write(asked, error) from None
         try:
@@ -233,8 +238,10 @@ def _copy(old: Path, new: Path) -> None:
 def refuse_run(out: Path) -> None:
     """Raise InputError if `out` holds a run, or cannot be read."""
     try:
-        status = inspect(out).status if out.is_dir() else ""
+        if not out.is_dir():
+            return
+        contents = inspect(out)
     except OSError as error:
         raise files.cannot_write(out, error) from None
-    if status:
+    if contents.status:
         raise InputError(f"{out} holds a run; choose another folder as `out`")

@@ -3,8 +3,12 @@ curves, and encoded."""
 
 from __future__ import annotations
 
-from taichi_disk.doctor import REMEDY
-from taichi_disk.errors import TaichiDiskError
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from taichi_disk.errors import NoPictures
+from taichi_disk.machine import REMEDY
 
 
 def film_problem() -> str | None:
@@ -14,14 +18,36 @@ def film_problem() -> str | None:
         from taichi_disk.engine import ti
     except ImportError as error:
         return f"Taichi cannot be loaded ({error}); as root: {REMEDY}"
-    if not ti._lib.core.with_vulkan():
+    with _silent_stderr():
+        has_vulkan = ti._lib.core.with_vulkan()
+    if not has_vulkan:
         return (
-            "pictures are drawn with Vulkan, and there is no Vulkan driver here; as"
-            f" root: {REMEDY}"
+            "there is no Vulkan driver here, which draws the pictures of MP4, WebM, GIF"
+            f" and PNG; as root: {REMEDY}"
         )
     return None
 
 
 def require_film() -> None:
-    if problem := film_problem():
-        raise TaichiDiskError(f"no film: {problem}")
+    """Raise NoPictures unless this machine can make films."""
+    problem = film_problem()
+    if problem:
+        raise NoPictures(problem)
+
+
+@contextmanager
+def _silent_stderr() -> Iterator[None]:
+    """Drop what libraries write to the standard error: without a driver, Taichi writes
+    "RHI Error", which says no more than our message."""
+    try:
+        stderr = os.dup(2)
+    except OSError:  # it is closed
+        yield
+        return
+    try:
+        with open(os.devnull, "wb") as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+        yield
+    finally:
+        os.dup2(stderr, 2)
+        os.close(stderr)

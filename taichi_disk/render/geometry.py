@@ -5,7 +5,8 @@ largest force of the run on one point, so the disk visibly rests on it at the gr
 compression. Above that edge the wall fades like its force, with exp(-a distance). An
 elastic wall has this layer on its surface.
 
-GGUI has no antialiasing, so lines fade to the adjacent colours over one pixel.
+GGUI has no antialiasing. Outlines fade to the adjacent colours over one pixel. Arrows
+fade by the opacity of their edges, where the window's shaders know one.
 """
 
 from __future__ import annotations
@@ -21,14 +22,18 @@ from taichi_disk.render.palette import Colour, Theme, round_near
 from taichi_disk.statics.equilibrium import roll_angle, turned
 
 View = tuple[float, float, float, float]
-# corners of triangles (3 k, 2) [R] and their colours (3 k, 3)
+# corners of triangles (3 k, 2) [R] and their colours with opacity (3 k, 4)
 Shape = tuple[Array, Array]
 
 ARROW = 0.35  # length of the arrow of `full_force` [R]
+VELOCITY_ARROW = 0.7  # length of the arrow of the speed before an impact [R]
 # heights [decay lengths]; the haze is interpolated, within 2 %
 _FADES = np.array([0.0, 0.4, 1.0, 1.8, 3.0, 5.0])
 FLATTENING = 0.05  # flattening of the drawn disk at automatic magnification [R]
-NOTHING: Shape = np.zeros((0, 2)), np.zeros((0, 3))
+NOTHING: Shape = np.zeros((0, 2)), np.zeros((0, 4))
+_CIRCLE_CORNERS = 32
+# length of an arrow's head over half its width; most of it over the arrow's length
+_HEAD_LENGTH, _MAX_HEAD = 1.56, 0.65
 
 
 @dataclass(frozen=True)
@@ -111,6 +116,26 @@ class Camera:
 # ---- displacements
 
 
+def placed(lattice: Lattice, x: Array, magnify: float) -> Array:
+    """Return where points at `x` (n, 2) are drawn [R] if displacements are magnified.
+
+    Displacements are taken relative to the initial lattice, rotated like the disk, with
+    its lowest point at the same height. Points near a contact may be drawn inside the
+    wall, which hides them.
+    """
+    out = np.array(x, order="C")
+    if magnify == 1.0:
+        return out
+    n = lattice.disk_points
+    rest, now = lattice.positions[:n], x[:n]
+    disk = turned(rest, roll_angle(rest, now))
+    across = now[:, 0].mean() - disk[:, 0].mean()
+    up = now[:, 1].min() - disk[:, 1].min()
+    disk += [across, up]
+    out[:n] = disk + magnify * (now - disk)
+    return out
+
+
 def flattening(lattice: Lattice, x: Array) -> float:
     """Return how much the lowest point of a disk at `x` (n, 2) has approached its
     centre [R]."""
@@ -140,9 +165,16 @@ def magnification(wanted: float | str, flattest: float) -> float:
 
 
 def joined(*shapes: Shape) -> Shape:
-    return np.concatenate([one[0] for one in shapes]), np.concatenate(
-        [one[1] for one in shapes]
-    )
+    points = np.concatenate([points for points, _ in shapes])
+    return points, np.concatenate([colours for _, colours in shapes])
+
+
+def _inked(colours: Any, opacity: Any, count: int) -> Array:
+    """Return `count` colours with opacity, (count, 4)."""
+    out = np.empty((count, 4))
+    out[:, :3] = colours
+    out[:, 3] = opacity
+    return out
 
 
 def edge_height(wall: Any, force: float) -> float:
@@ -188,12 +220,11 @@ def _strips(chain: Array, heights: Array, colours: Array) -> Shape:
 def quads(a: Array, b: Array, c: Array, d: Array, *colours: Array) -> Shape:
     """Return quadrangles a, b, c, d (k, 2); `colours`: of each corner, (3,) or (k,
     3)."""
+    order = [0, 1, 2, 0, 2, 3]
+    corners = np.stack([a, b, c, d], axis=1)[:, order]
     each = [np.broadcast_to(colour, (len(a), 3)) for colour in colours]
-    order = (0, 1, 2, 0, 2, 3)
-    corners = np.stack([(a, b, c, d)[k] for k in order], axis=1)
-    return corners.reshape(-1, 2), np.stack([each[k] for k in order], axis=1).reshape(
-        -1, 3
-    )
+    inks = np.stack(each, axis=1)[:, order].reshape(-1, 3)
+    return corners.reshape(-1, 2), _inked(inks, 1.0, len(inks))
 
 
 def _left(start: Array, end: Array, half: float) -> Array:
@@ -228,30 +259,84 @@ def outline(
     return joined(outer, inner)
 
 
-def arrows(
-    feet: Array, forces: Array, head: float, width: float, rim: float, theme: Theme
-) -> Shape:
-    """Return arrows that start at `feet` (k, 2) [R], along `forces` (k, 2); a force of
-    1 has the length ARROW.
+@dataclass(frozen=True)
+class ArrowStyle:
+    """Sizes of an arrow [R]: width of the shaft, half the width of the head, width of
+    the rim around both, and distance over which its edges fade."""
 
-    `head`, `width`, `rim`: half the width of the largest head, width of the shaft,
-        width of the rim around both [R].
-    """
-    size = np.hypot(forces[:, 0], forces[:, 1])[:, None]
-    along = forces / size
+    shaft: float
+    head: float
+    rim: float
+    fade: float
+
+
+def arrows(
+    feet: Array, vectors: Array, style: ArrowStyle, colour: Colour, theme: Theme
+) -> Shape:
+    """Return arrows from `feet` (k, 2) along `vectors` (k, 2) [R], with a rim in the
+    colour of the ground. Short arrows are thinner."""
+    length = np.hypot(vectors[:, 0], vectors[:, 1])[:, None]
+    along = vectors / length
     across = np.stack([along[:, 1], -along[:, 0]], axis=1)
-    wing = np.minimum(head, 0.3 * ARROW * size)
-    tip = feet + ARROW * size * along
-    neck, parts = tip - 2.0 * wing * along, []
-    for colour, r in ((theme.ground, rim), (theme.arrow, 0.0)):
-        w, h, foot, back = (
-            (0.5 * width + r) * across,
-            (wing + 1.8 * r) * across,
-            feet - r * along,
-            neck - r * along,
-        )
-        shaft = [foot - w, foot + w, neck + w, foot - w, neck + w, neck - w]
-        corners = [*shaft, back - h, back + h, tip + 2.5 * r * along]
-        points = np.stack(corners, axis=1).reshape(-1, 2)
-        parts.append((points, np.tile(np.asarray(colour), (len(points), 1))))
-    return joined(*parts)
+    head = np.minimum(style.head, _MAX_HEAD / _HEAD_LENGTH * length)
+    shaft = 0.5 * style.shaft * head / style.head * across
+    wing = head * across
+    tip = feet + vectors
+    neck = tip - _HEAD_LENGTH * head * along
+    right = [feet + shaft, neck + shaft, neck + wing]
+    left = [neck - wing, neck - shaft, feet - shaft]
+    corners = np.stack([*right, tip, *left], axis=1)
+    triangles = np.array([(0, 1, 5), (0, 5, 6), (2, 3, 4)])
+    return _rimmed(corners, triangles, style, colour, theme)
+
+
+def dot(
+    centre: Array, radius: float, style: ArrowStyle, colour: Colour, theme: Theme
+) -> Shape:
+    """Return a filled circle around `centre` (2,), with the rim of an arrow."""
+    turns = np.linspace(0.0, 2.0 * np.pi, _CIRCLE_CORNERS, endpoint=False)
+    circle = centre + radius * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    second = np.arange(1, _CIRCLE_CORNERS - 1)
+    triangles = np.stack([0 * second, second, second + 1], axis=1)
+    return _rimmed(circle[None], triangles, style, colour, theme)
+
+
+def _rimmed(
+    corners: Array,
+    triangles: NDArray[np.intp],
+    style: ArrowStyle,
+    colour: Colour,
+    theme: Theme,
+) -> Shape:
+    around = corners + style.rim * _outward(corners)
+    rim = _faded(around, triangles, theme.ground, style.fade)
+    return joined(rim, _faded(corners, triangles, colour, style.fade))
+
+
+def _faded(
+    corners: Array, triangles: NDArray[np.intp], colour: Colour, fade: float
+) -> Shape:
+    """Return polygons with `corners` (k, c, 2), counter-clockwise, whose edges fade
+    over the distance `fade` [R]. `triangles` (t, 3) fill a polygon."""
+    outward = _outward(corners)
+    inner = corners - 0.5 * fade * outward
+    outer = corners + 0.5 * fade * outward
+    inner_ahead = np.roll(inner, -1, axis=1)
+    outer_ahead = np.roll(outer, -1, axis=1)
+    parts = [inner, inner_ahead, outer_ahead, inner, outer_ahead, outer]
+    strip = np.stack(parts, axis=2).reshape(-1, 2)
+    fill = inner[:, triangles].reshape(-1, 2)
+    colours = _inked(colour, 1.0, len(fill) + len(strip))
+    colours[len(fill) :, 3] = np.resize([1.0, 1.0, 0.0, 1.0, 0.0, 0.0], len(strip))
+    return np.concatenate([fill, strip]), colours
+
+
+def _outward(corners: Array) -> Array:
+    """Return the vectors (k, c, 2) by which the corners of polygons, counter-clockwise,
+    move if all sides move outwards by 1."""
+    sides = np.roll(corners, -1, axis=1) - corners
+    sides /= np.maximum(np.hypot(sides[..., 0], sides[..., 1]), 1e-300)[..., None]
+    normal = np.stack([sides[..., 1], -sides[..., 0]], axis=-1)
+    before = np.roll(normal, 1, axis=1)
+    cosine = (normal * before).sum(axis=-1, keepdims=True)
+    return np.asarray((normal + before) / (1.0 + cosine))

@@ -1,11 +1,15 @@
-"""The text around the disk: title at the upper left, changing lines at the upper right,
-scales below."""
+"""The words around the disk: title at the upper left, changing words at the upper
+right, scales below.
+
+Words stand in the corners beside a round disk. Where a body reaches the corners, they
+stand in a band above it.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from copy import copy
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,24 +19,21 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from taichi_disk.fields import FRINGES, QUANTITIES
-from taichi_disk.render.geometry import ARROW
+from taichi_disk.render.moments import Caption
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import THEMES, Colour
 
 Ink = tuple[int, int, int]
 
 LEAST = 11.0  # smallest size of letters [px]
-# Sizes [px] in a picture of 720 pixels; other pictures scale them, but not below LEAST.
-_MARGIN, _HEADING, _SMALL = 20.0, 17.0, 13.0
-_BAR_WIDTH, _BAR_HEIGHT = 300.0, 10.0
+# Sizes [px] in a picture of 720 pixels. Other pictures scale them, but letters not
+# below LEAST.
+MARGIN, _HEADING, _TEXT, _SMALL = 24.0, 26.0, 20.0, 18.0
+BAR_HEIGHT, BAR_BELOW = 16.0, 28.0
 _LABELLED = 240  # smallest picture with room for text [px]
-# largest height of the header over the picture's; lines that do not fit are left out
+# largest height of a band above the disk over the picture's; lines that do not fit are
+# left out
 _MOST = 0.34
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_ARROWS, _ARROWS_SHORT = "wall force on one point", "wall force"
-# largest length of the scale's arrow and of its bar, over the width of the picture
-_ARROW, _LENGTH = 0.1, 0.2
 
 
 def ink(colour: Colour | NDArray[np.float32]) -> Ink:
@@ -57,309 +58,248 @@ def text_width(line: str, size: float, bold: bool = False) -> float:
     return font(size, bold).getlength(line)
 
 
-def draw_line(
-    draw: Any,
-    at: tuple[float, float],
-    line: str,
-    size: float,
-    ink: Ink,
-    bold: bool = False,
-) -> None:
-    draw.text(at, line, fill=ink, font=font(size, bold), anchor="ls")
+@dataclass(frozen=True)
+class Letters:
+    """Sizes of letters [px]. `unit`: 1 in a picture of 720 pixels; `factor`: the user's
+    factor."""
+
+    unit: float
+    factor: float = 1.0
+
+    def size(self, size: float) -> float:
+        return max(size * self.unit * self.factor, LEAST)
+
+    @property
+    def small(self) -> float:
+        return self.size(_SMALL)
 
 
-def round_below(value: float) -> float:
-    """Return the largest of 1, 2 and 5 times a power of ten that does not exceed
-    `value` > 0."""
-    decade = 10.0 ** math.floor(math.log10(value))
-    return float(
-        decade * max(step for step in (0.5, 1.0, 2.0, 5.0) if step * decade <= value)
-    )
+@dataclass(frozen=True)
+class Line:
+    """A line of text with its baseline, from `x` to the right, or to the left if it
+    `ends` there."""
 
+    text: str
+    size: float
+    ink: Ink
+    x: float
+    baseline: float
+    bold: bool = False
+    ends: bool = False
 
-def ticks_to(limit: float, signed: bool) -> list[float]:
-    count = 3 if f"{limit:e}"[:3] in ("1.5", "3.0", "6.0") else 2
-    return [limit * k / count for k in range(-count if signed else 0, count + 1)]
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """Left, right, top and bottom [px]."""
+        width = text_width(self.text, self.size, self.bold)
+        left = self.x - width if self.ends else self.x
+        top = self.baseline - 0.8 * self.size
+        return left, left + width, top, self.baseline + 0.25 * self.size
 
+    @property
+    def pixels(self) -> tuple[slice, slice]:
+        """Rows and columns of the text and one pixel around it."""
+        left, right, top, bottom = self.box
+        rows = slice(max(math.floor(top) - 1, 0), math.ceil(bottom) + 2)
+        return rows, slice(max(math.floor(left) - 1, 0), math.ceil(right) + 2)
 
-def label(value: float, percent: bool = False, signed: bool = False) -> str:
-    """Return a value as `+5 %`, `0.02` or `2·10⁻⁷`."""
-    if not value:
-        return "0"
-    text = f"{100 * value if percent else value:{'+' if signed else ''}.4g}"
-    if "e" in text:
-        mantissa, exponent = text.split("e")
-        text = f"{mantissa}·10{str(int(exponent)).translate(_RAISED)}"
-    return text.replace("-", "−") + (" %" if percent else "")
+    def write(self, picture: NDArray[np.uint8]) -> None:
+        """Write the text into `picture` (height, width, 3)."""
+        rows, columns = self.pixels
+        patch = Image.fromarray(picture[rows, columns])
+        x, baseline = self.x - columns.start, self.baseline - rows.start
+        replace(self, x=x, baseline=baseline).draw(ImageDraw.Draw(patch))
+        picture[rows, columns] = np.asarray(patch)
+
+    def draw(self, draw: Any) -> None:
+        anchor = "rs" if self.ends else "ls"
+        place = self.x, self.baseline
+        face = font(self.size, self.bold)
+        draw.text(place, self.text, fill=self.ink, font=face, anchor=anchor)
 
 
 class Legend:
-    """The text of one disk's picture of `size` x `size` pixels. Text that does not fit
-    at 11 pixels is left out.
+    """The words of one disk's picture of `width` x `height` pixels. Words that do not
+    fit at 11 pixels are left out.
 
     Attributes:
-        header, footer: heights above and below the disk's part of the picture [px].
-        unit: factor of all sizes, 1 in a picture of 720 pixels.
+        is_band: whether words stand in a band above the disk instead of in the corners.
     """
 
     def __init__(
         self,
         painter: Painter,
-        size: int,
+        size: tuple[int, int],
+        letters: Letters,
         title: Sequence[str],
-        samples: Sequence[str],
-        rows: int,
+        samples: Sequence[Caption],
         enlarged: float = 1.0,
     ) -> None:
-        """Lay out the text.
+        """Prepare the words; `set_band` lays them out.
 
-        `title`: constant lines; `samples`: the changing lines, or the longest of them;
-        `rows`: number of changing lines in a picture; `enlarged`: factor for the size
-        of the title's first line.
+        Args:
+            size: of the picture (width, height) [px].
+            title: constant lines.
+            samples: captions, the longest among them.
+            enlarged: factor for the size of the title's first line.
         """
-        title = [*title[:-1], "    ".join([title[-1], *painter.remarks])]
-        self.painter, self.unit, self._width, self._size = (
-            painter,
-            size / 720,
-            size,
-            size,
-        )
-        theme = THEMES[painter.theme]
-        self._ground, self._ink, self._faint, self._rule = map(
-            ink, (theme.ground, theme.ink, theme.faint, theme.rule)
-        )
-        self._small, self._heading = (
-            max(_SMALL * self.unit, LEAST),
-            max(_HEADING * self.unit, LEAST + 1),
-        )
+        self.painter = painter
+        self.letters = letters
+        self.is_band = False
+        self._width, self._height = size
+        self._title = title
+        self._samples = samples
+        self._heading = letters.size(_HEADING)
         self._first = enlarged * self._heading
-        self._margin, self._leading = (
-            max(_MARGIN * self.unit, 7.0),
-            round(1.5 * self._small),
-        )
-        self._column = math.ceil(
-            max(text_width(*self._set(line)) for line in samples) + self._margin
-        )
-        fits = (
-            int((_MOST * size - self._margin) / self._leading)
-            if size >= _LABELLED
-            else 0
-        )
-        self._title, self._rows = self._wrapped(title)[:fits], min(rows, fits)
-        count = max(len(self._title), self._rows)
-        self.header = _even(self._margin + self._leading * count) if count else 0
-        self.footer = (
-            _even(2.0 * self._leading + (_BAR_HEIGHT + 20.0) * self.unit + 4.0)
-            if fits
-            else 0
-        )
+        self._text = letters.size(_TEXT)
+        self._margin = max(MARGIN * letters.unit, 7.0)
+        theme = THEMES[painter.theme]
+        self._ground = ink(theme.ground)
+        self._ink = ink(theme.ink)
+        self._faint = ink(theme.faint)
+        self._velocity = ink(theme.velocity)
+        self._has_words = self._height >= _LABELLED
+        self._lines: list[Line] = []
+        self._written: list[Line] = []
 
-    def _wrapped(self, title: Sequence[str]) -> list[tuple[str, float, bool]]:
-        width, lines = self._width - self._column - 2.0 * self._margin, []
-        for k, line in enumerate(title):
-            size, bold, now = (self._small, False, "") if k else (self._first, True, "")
-            for part in line.split("    "):
-                words = (
-                    [part] if text_width(part, size, bold) <= width else part.split(" ")
-                )
-                for n, word in enumerate(words):
-                    longer = f"{now}{' ' if n else '    '}{word}" if now else word
-                    if now and text_width(longer, size, bold) > width:
-                        lines.append((now, size, bold))
-                        longer = word
-                    now = longer
-            lines.append((now, size, bold))
+    def set_band(self, is_band: bool) -> int:
+        """Let words stand in a band above the disk, or in the corners; return the
+        height that they need above the disk [px]."""
+        self.is_band = is_band
+        self._lines = self._title_lines() if self._has_words else []
+        if not self._lines:
+            return 0
+        lines = self._lines
+        if is_band:
+            for sample in self._samples:
+                lines = [*lines, *self._caption_lines(sample)]
+        else:
+            lines = [line for line in lines if line.bold]
+        return _even(max(line.baseline for line in lines) + 0.6 * self._text)
+
+    def boxes(self) -> list[tuple[float, float, float, float]]:
+        """Return left, right, top and bottom [px] of all words above the footer."""
+        lines = [*self._lines, *self._remarks()]
+        for sample in self._samples:
+            if self._has_words:
+                lines += self._caption_lines(sample)
+        return [line.box for line in lines]
+
+    # ---- constant words
+
+    def _title_lines(self) -> list[Line]:
+        first, *others = self._title
+        parts = [part for line in others for part in line.split("    ")]
+        if self.is_band:
+            parts = ["    ".join([*parts, *self.painter.remarks])]
+        elif self.painter.has_elastic_wall:
+            parts += self.painter.remarks
+        column = self._column()
+        room = self._width - column - 2.0 * self._margin
+        words = [(line, True) for line in _wrapped(first, self._first, True, room)]
+        for part in parts:
+            words += [(line, False) for line in _wrapped(part, self._text, False, room)]
+        lines: list[Line] = []
+        baseline = self._margin + 0.85 * self._first
+        most = math.inf
+        if self.is_band:
+            most = _MOST * self._height
+        for text, bold in words:
+            size = self._first if bold else self._text
+            colour = self._ink if bold else self._faint
+            if lines:
+                baseline += 1.3 * self._heading if lines[-1].bold else 1.4 * self._text
+            if baseline < most:
+                lines.append(Line(text, size, colour, self._margin, baseline, bold))
         return lines
 
-    def _set(self, line: str) -> tuple[str, float, bool]:
-        """Return text, size and boldness of a changing line. A leading `*` makes it
-        large and bold."""
-        return (
-            line.removeprefix("*"),
-            self._heading if line.startswith("*") else self._small,
-            line.startswith("*"),
-        )
+    def _remarks(self) -> list[Line]:
+        """Return the line above the edge of a rigid wall."""
+        text = "    ".join(self.painter.remarks)
+        if self.is_band or self.painter.has_elastic_wall or not self._has_words:
+            return []
+        small = self.letters.small
+        baseline = self._height - footer(self.letters, self._height) - 0.85 * small
+        return [Line(text, small, self._faint, self._margin, baseline)]
 
-    def _baseline(self, k: int) -> float:
-        return self._margin + 0.72 * self._first + self._leading * k
+    # ---- the changing words
 
-    def still(self, scale: float) -> NDArray[np.uint8]:
-        """Return the picture (size, size, 3) of title and scales, which do not change.
-        `scale`: pixels per R."""
-        image = Image.new("RGB", (self._width, self._size), self._ground)
+    def _column(self) -> float:
+        """Return the width of the changing words [px]."""
+        boxes = [line.box for one in self._samples for line in self._caption_lines(one)]
+        return max((right - left for left, right, _, _ in boxes), default=0.0)
+
+    def _caption_lines(self, caption: Caption) -> list[Line]:
+        right = self._width - self._margin
+        lines: list[Line] = []
+
+        def add(text: str, size: float, ink: Ink, bold: bool = False) -> None:
+            baseline = self._margin + 0.85 * self._heading
+            if lines:
+                gap = 1.3 * max(size, self._heading if lines[-1].bold else self._text)
+                baseline = lines[-1].baseline + gap
+            lines.append(Line(text, size, ink, right, baseline, bold, ends=True))
+
+        add(caption.time, self._text, self._ink)
+        if caption.motion:
+            add(caption.motion, self._heading, self._velocity, True)
+        for text in (*caption.others, *caption.note.split()):
+            add(text, self._text, self._ink)
+        if caption.result:
+            add(caption.result, self._heading, self._ink, True)
+        return lines
+
+    # ---- pictures
+
+    def still(self) -> NDArray[np.uint8]:
+        """Return the picture (height, width, 3) of the words that do not change."""
+        image = Image.new("RGB", (self._width, self._height), self._ground)
         draw = ImageDraw.Draw(image)
-        for k, (line, size, bold) in enumerate(self._title):
-            draw_line(
-                draw,
-                (self._margin, self._baseline(k)),
-                line,
-                size,
-                self._ink if bold else self._faint,
-                bold,
-            )
-        if self.footer:
-            self._draw_scales(draw, scale)
+        for line in [*self._lines, *self._remarks()]:
+            line.draw(draw)
         return np.array(image)
 
-    def below(self, width: int, scale: float) -> NDArray[np.uint8]:
-        """Return the picture (footer, `width`, 3) of the scales that stand below
-        several disks."""
-        wide = copy(self)
-        wide._width, wide._title = width, []
-        return wide.still(scale)[self._size - self.footer :]
+    def constant_boxes(self) -> list[tuple[slice, slice]]:
+        """Return rows and columns of the words that do not change."""
+        return [line.pixels for line in [*self._lines, *self._remarks()]]
 
-    def write(self, picture: NDArray[np.uint8], lines: Sequence[str]) -> None:
-        if self._rows:
-            patch = Image.new("RGB", (self._column, self.header), self._ground)
-            for k, line in enumerate(lines[: self._rows]):
-                text, size, bold = self._set(line)
-                draw_line(
-                    ImageDraw.Draw(patch),
-                    (0.0, self._baseline(k)),
-                    text,
-                    size,
-                    self._ink,
-                    bold,
-                )
-            picture[: self.header, -self._column :] = np.asarray(patch)
+    def erase(self, picture: NDArray[np.uint8]) -> None:
+        """Erase the last caption from `picture` (height, width, 3)."""
+        for line in self._written:
+            picture[line.pixels] = self._ground
+        self._written = []
 
-    # ---- scales below the disk: a row with bar, arrow and length, a row with numbers,
-    # and a row with words
+    def write(self, picture: NDArray[np.uint8], caption: Caption) -> None:
+        if self._has_words:
+            self._written = self._caption_lines(caption)
+        for line in self._written:
+            line.write(picture)
 
-    def _draw_scales(self, draw: Any, scale: float) -> None:
-        top = round(self._size - self.footer + 12.0 * self.unit)
-        height = max(round(_BAR_HEIGHT * self.unit), 6)
-        numbers = top + height + 0.95 * self._leading
-        left, right, row = self._margin, self._width - self._margin, top + height / 2
-        if full := self.painter.full_force:
-            pixels = ARROW * scale / full  # length of an arrow for a force of 1 Mc²/R
-            force = round_below(_ARROW * self._size / pixels)
-            ends, line = (left, left + force * pixels), f"{label(force)} Mc²/R"
-            _, left = self._draw_length(draw, ends, row, line, numbers, arrow=True)
-        length = round_below(_LENGTH * self._size / scale)
-        line = f"{length:g} R".removeprefix("1 ")
-        right, _ = self._draw_length(
-            draw, (right - length * scale, right), row, line, numbers
-        )
-        free = 2.0 * (
-            self._width / 2 - max(left, self._width - right) - 3.0 * self._small
-        )
-        self._draw_bar(
-            draw, round(min(_BAR_WIDTH * self.unit, free)), top, height, numbers
-        )
-        quantity = QUANTITIES[self.painter.colour]
-        # values of single triangles are larger
-        line = quantity.label + " (averaged)" * (quantity.on != "points")
-        line = f"{line}  [{quantity.unit}]" if quantity.unit else line
-        if self.painter.colour == "fringes":
-            line = (
-                "difference of the principal stresses, one fringe"
-                f" {label(self.painter.limit)} Mc²/R²"
-            )
-        whole = f"◂ {quantity.low}    {line}    {quantity.high} ▸"
-        if quantity.low and text_width(whole, self._small) < self._width - 10:
-            line = whole
-        start, words = (
-            (self._width - text_width(line, self._small)) / 2,
-            numbers + self._leading,
-        )
-        if start > 0:
-            draw_line(draw, (start, words), line, self._small, self._faint)
-        if (
-            full
-            and self._margin + text_width(_ARROWS, self._small) < start - self._small
-        ):
-            draw_line(draw, (self._margin, words), _ARROWS, self._small, self._faint)
-        elif full:
-            behind = ends[1] + 0.4 * self._small, row + 0.36 * self._small
-            draw_line(draw, behind, _ARROWS_SHORT, self._small, self._faint)
 
-    def _draw_bar(
-        self, draw: Any, width: int, top: int, height: int, numbers: float
-    ) -> None:
-        """Draw the colour scale. A pointed end means that all values beyond it have the
-        same colour."""
-        painter, left = self.painter, (self._width - width) // 2
-        fringes, percent = painter.colour == "fringes", painter.colour == "strain"
-        limit = float(FRINGES) if fringes else painter.limit
-        least = -limit if painter.signed else 0.0
-        across = np.linspace(0.0, limit if fringes else 1.0, width, dtype=np.float64)
-        colours = [ink(colour) for colour in painter.colours(across)]
-        bottom, ends = top + height - 1, left + width - 1
-        if not painter.signed:  # the pale end of the map needs a border
-            draw.rectangle(
-                [left - 1, top - 1, ends + 1, bottom + 1], outline=self._rule
-            )
-        for k, colour in enumerate(colours):
-            draw.line([(left + k, top), (left + k, bottom)], fill=colour)
-        for edge, way, colour in (
-            (left - 1, -1, colours[0]),
-            (ends + 1, 1, colours[-1]),
-        ):
-            if not fringes and (painter.signed or way > 0):
-                tip = (edge + 0.8 * way * height, (top + bottom) / 2)
-                draw.polygon([(edge, top), (edge, bottom), tip], fill=colour)
-        ticks = (
-            [float(k) for k in range(FRINGES + 1)]
-            if fringes
-            else ticks_to(limit, painter.signed)
-        )
-        labels = {tick: label(tick, percent, painter.signed) for tick in ticks}
-        if not fringes:
-            labels |= {
-                tick: f"{'≥' if tick > 0 else '≤'} {labels[tick]}"
-                for tick in (-limit, limit)
-                if tick in labels
-            }
-        widest = (
-            max(text_width(line, self._small) for line in labels.values()) + self._small
-        )
-        choices = (ticks, [ticks[0], 0.0, ticks[-1]], [ticks[0], ticks[-1]])
-        numbered = next(
-            (some for some in choices if widest * (len(some) - 1) < width), ticks[-1:]
-        )
-        for tick, line in labels.items():
-            x = left + (width - 1) * (tick - least) / (limit - least)
-            draw.line(
-                [(x, top + height), (x, top + height + 3 * self.unit)], fill=self._faint
-            )
-            if tick in numbered:
-                start = x - text_width(line.removesuffix(" %"), self._small) / 2
-                draw_line(draw, (start, numbers), line, self._small, self._faint)
+def footer(letters: Letters, height: int) -> int:
+    """Return the height of the scales in a picture of `height` [px]; 0 if it has no
+    room for words."""
+    if height < _LABELLED:
+        return 0
+    return _even((BAR_BELOW + BAR_HEIGHT) * letters.unit + 3.9 * letters.small)
 
-    def _draw_length(
-        self,
-        draw: Any,
-        ends: tuple[float, float],
-        row: float,
-        line: str,
-        numbers: float,
-        arrow: bool = False,
-    ) -> tuple[float, float]:
-        (x0, x1), head = ends, max(4.0 * self.unit, 3.0)
-        draw.line(
-            [(x0, row), (x1 - head * arrow, row)],
-            fill=self._ink,
-            width=max(round(1.8 * self.unit), 1),
-        )
-        if arrow:
-            draw.polygon(
-                [(x1 - 2 * head, row - head), (x1 - 2 * head, row + head), (x1, row)],
-                fill=self._ink,
-            )
-        else:
-            for x in ends:
-                draw.line(
-                    [(x, row - head), (x, row + head)],
-                    fill=self._ink,
-                    width=max(round(1.2 * self.unit), 1),
-                )
-        width = text_width(line, self._small)
-        start = min(
-            max((x0 + x1 - width) / 2, self._margin), self._width - self._margin - width
-        )
-        draw_line(draw, (start, numbers), line, self._small, self._faint)
-        return min(x0, start), max(x1, start + width)
+
+def _wrapped(line: str, size: float, bold: bool, room: float) -> list[str]:
+    """Break a line of parts, which four spaces separate, where it exceeds `room` [px];
+    between words only if a part is too long."""
+    lines = [""]
+    for part in line.split("    "):
+        words = [part]
+        if text_width(part, size, bold) > room:
+            words = part.split(" ")
+        gap = "    "
+        for word in words:
+            longer = f"{lines[-1]}{gap}{word}" if lines[-1] else word
+            if lines[-1] and text_width(longer, size, bold) > room:
+                lines.append(word)
+            else:
+                lines[-1] = longer
+            gap = " "
+    return lines
 
 
 def _even(pixels: float) -> int:

@@ -1,4 +1,4 @@
-"""Choose the moments of a run for films and stills, and the text of each picture."""
+"""Choose the moments of runs for films and stills, and the words of each picture."""
 
 from __future__ import annotations
 
@@ -8,23 +8,54 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.computation.contact import CONTACT_LEVEL, greatest_compression
+from taichi_disk.computation.contact import (
+    CONTACT_LEVEL,
+    contact_interval,
+    greatest_compression,
+)
 from taichi_disk.computation.outcome import Outcome
-from taichi_disk.computation.scenario import Scenario
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Array
 
 Run = Outcome
-# t [R/c] and the last line of text, or None to show the result
-Cue = tuple[float, str | None]
 
-MOMENTS = {"greatest": "greatest compression", "contact": "first contact", "end": None}
-# fractions of a film that pause at the greatest compression and at the end
-_PAUSE, _END = 0.06, 0.10
-# number of times before the greatest compression that determine the colour scale
-_SCALE_TIMES = 12
+MOMENTS = {"greatest": "greatest compression", "contact": "first contact", "end": ""}
+# fractions of a film: still pictures at the start, at the greatest compression and at
+# the end; the flights before and after the contact. The rest shows the contact.
+_START, _PAUSE, _END = 0.035, 0.05, 0.15
+_FLIGHT_IN, _FLIGHT_OUT = 0.07, 0.08
+_AROUND_CONTACT = 0.06  # shown in slow motion, too; over the duration of the contact
+# fraction of a flight's pictures in which the pace changes
+_CHANGE = 0.35
 # samples of the pace of a whole film; a film of a part of the run keeps this pace
 _PACE_TIMES = 1000
+# a pace up to this factor above the slowest is called slow motion
+_SLOW = 1.1
+_NEAR_PEAK = 0.01  # relative distance of times that count as the same moment
+
+
+@dataclass(frozen=True)
+class Cue:
+    """A picture: its time [R/c], a remark, the pace of the film in words, and whether
+    the result is shown."""
+
+    t: float
+    note: str = ""
+    pace: tuple[str, ...] = ()
+    has_result: bool = False
+
+
+@dataclass(frozen=True)
+class Caption:
+    """The changing words of a picture. `motion` is the number that stands for the main
+    curve."""
+
+    time: str
+    motion: str = ""
+    others: tuple[str, ...] = ()
+    note: str = ""
+    result: str = ""
+    pace: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -47,13 +78,16 @@ WHOLE = Span()
 def time_of(moment: Any, columns: dict[str, Array]) -> float:
     """Return the time [R/c] of a moment. Raises InputError for a time outside the run
     or an unknown word."""
-    last, force = float(columns["t"][-1]), columns["wall_force"]
+    last = float(columns["t"][-1])
+    force = columns["wall_force"]
     if moment == "greatest":
         return greatest_compression(columns)
     if moment == "contact":
         return float(columns["t"][int((force >= CONTACT_LEVEL * force.max()).argmax())])
+    if moment == "end":
+        return last
     try:
-        t = last if moment == "end" else float(moment)
+        t = float(moment)
     except (TypeError, ValueError):
         t = np.nan
     if not 0.0 <= t <= last * (1.0 + 1e-12):
@@ -64,85 +98,177 @@ def time_of(moment: Any, columns: dict[str, Array]) -> float:
     return min(t, last)
 
 
-def cues(runs: Sequence[Run], frames: int, fps: int, span: Span) -> list[Cue]:
-    """Return the cues of a film, which follow the run that lasts longest. A pause is a
-    repeated time.
+# ---- the pace of a film
 
-    Raises InputError for an empty span.
+
+def film_times(
+    whole: tuple[float, float], runs: Sequence[Run], longest: Run, pictures: int
+) -> Array:
+    """Return the times (pictures,) [R/c] of a film over the times `whole`, at a pace
+    that changes smoothly from the flights to the slow motion of the contact."""
+    if not longest.scenario.is_thrown:
+        return longest.scenario.frame_times(longest.columns, pictures)
+    first, second = _slow_interval(whole, runs)
+    moving = 1.0 - _START - _PAUSE - _END
+    slow = round(pictures * (moving - _FLIGHT_IN - _FLIGHT_OUT) / moving)
+    pace = (second - first) / max(slow, 1)
+    flights = [
+        _flight_times(length, min(round(pictures * part / moving), length / pace), pace)
+        for length, part in (
+            (first - whole[0], _FLIGHT_IN),
+            (whole[1] - second, _FLIGHT_OUT),
+        )
+    ]
+    contact = np.arange(1, slow) * pace + first
+    before, after = first - flights[0][::-1], second + flights[1]
+    known = np.concatenate([before, contact, after])
+    # Short flights leave pictures to the contact.
+    places = np.linspace(0.0, len(known) - 1.0, pictures)
+    return np.interp(places, np.arange(len(known)), known)
+
+
+def contact_of(run: Run) -> tuple[float, float]:
+    """Return the first and last time of the contact [R/c]."""
+    columns = run.columns
+    return contact_interval(columns["t"], columns["wall_force"], columns["com_vy"])
+
+
+def _slow_interval(
+    whole: tuple[float, float], runs: Sequence[Run]
+) -> tuple[float, float]:
+    contacts = [contact_of(run) for run in runs]
+    first = min(start for start, _ in contacts)
+    second = max(end for _, end in contacts)
+    beside = _AROUND_CONTACT * (second - first)
+    return max(first - beside, whole[0]), min(second + beside, whole[1])
+
+
+def _flight_times(duration: float, pictures: float, pace: float) -> Array:
+    """Return the times [R/c] since the contact of a flight's pictures, from 0 to
+    `duration`. The pace grows smoothly from `pace` [R/c per picture]."""
+    count = max(int(pictures), 1)
+    part = np.linspace(0.0, 1.0, count + 1)
+    change = np.clip(part / _CHANGE, 0.0, 1.0)
+    # integral of the smoothstep 3 s^2 - 2 s^3 up to the end of the change
+    grown = _CHANGE * (change**3 - 0.5 * change**4) + np.maximum(part - _CHANGE, 0.0)
+    even = min(count * pace, duration)
+    return np.asarray(even * part + (duration - even) * grown / grown[-1])
+
+
+def cues(
+    runs: Sequence[Run],
+    flights: tuple[float, float],
+    frames: int,
+    fps: int,
+    span: Span,
+) -> list[Cue]:
+    """Return the cues of a film. Still pictures are repeated times.
+
+    `flights`: first and last time of the whole film [R/c]. Raises InputError for an
+    empty span.
     """
     count = max(3, frames)
     longest = max(runs, key=lambda run: float(run.columns["t"][-1]))
-    scenario, columns = longest.scenario, longest.columns
-    first = 0.0 if span.start is None else time_of(span.start, columns)
-    last = time_of("end" if span.end is None else span.end, columns)
+    columns = longest.columns
+    first, last = flights
+    if span.start is not None:
+        first = time_of(span.start, columns)
+    if span.end is not None:
+        last = time_of(span.end, columns)
     if not first < last:
         raise InputError(
             f"a film must end after it begins; this one goes from {first:.6g} to"
             f" {last:.6g} R/c"
         )
-    peak, whole = greatest_compression(columns), last == columns["t"][-1]
-    has_peak = first <= peak <= last
-    pause = round(_PAUSE * count) if has_peak else 0
-    end = max(round(_END * count), 1) if whole else 0
-    times = scenario.frame_times(columns, count - pause - end)
-    if first > 0.0 or not whole:  # keep the pace of the whole film
-        every, number = (
-            scenario.frame_times(columns, _PACE_TIMES),
-            np.arange(_PACE_TIMES),
-        )
+    peak = greatest_compression(columns)
+    has_end = last >= columns["t"][-1]
+    holds = _holds(count, first == flights[0], first <= peak <= last, has_end)
+    moving = count - sum(holds)
+    if (first, last) == flights:
+        times = film_times(flights, runs, longest, moving)
+    else:  # keep the pace of the whole film
+        every = film_times(flights, runs, longest, _PACE_TIMES)
+        number = np.arange(_PACE_TIMES)
         begin, stop = np.interp([first, last], every, number)
-        times = np.asarray(
-            np.interp(np.linspace(begin, stop, count - pause - end), number, every)
-        )
+        times = np.interp(np.linspace(begin, stop, moving), number, every)
+    return _held(times, peak, holds, _pace_words(longest, times, fps))
+
+
+def _holds(
+    count: int, has_start: bool, has_peak: bool, has_end: bool
+) -> tuple[int, int, int]:
+    """Return the numbers of pictures that repeat the first, the greatest compression
+    and the last."""
+    start = round(_START * count) if has_start else 0
+    pause = round(_PAUSE * count) if has_peak else 0
+    end = max(round(_END * count), 1) if has_end else 0
+    return start, pause, end
+
+
+def _held(
+    times: Array, peak: float, holds: tuple[int, int, int], paces: list[tuple[str, ...]]
+) -> list[Cue]:
+    start, pause, end = holds
     greatest = int(np.abs(times - peak).argmin())
-    if has_peak and greatest == len(times) - 1:
+    if pause and greatest == len(times) - 1:
         pause, end = 0, pause + end
-    elif has_peak and greatest > 0:
+    elif pause and greatest > 0:
         times[greatest] = peak
-    paces = [
-        scenario.pace.format(float(f"{pace:.2g}")) for pace in fps * np.diff(times)
+    moving = [Cue(t, pace=pace) for t, pace in zip(times.tolist(), paces, strict=True)]
+    still = Cue(float(times[greatest]), MOMENTS["greatest"])
+    result = Cue(float(times[-1]), has_result=True)
+    return [
+        *(start * moving[:1]),
+        *moving[: greatest + 1],
+        *(pause * [still]),
+        *moving[greatest + 1 :],
+        *(end * [result]),
     ]
-    found: list[Cue] = list(zip(times.tolist(), [*paces, *paces[-1:]], strict=True))
-    still, result = (found[greatest][0], MOMENTS["greatest"]), (found[-1][0], None)
-    return (
-        found[: greatest + 1] + pause * [still] + found[greatest + 1 :] + end * [result]
-    )
+
+
+def _pace_words(run: Run, times: Array, fps: int) -> list[tuple[str, ...]]:
+    if not run.scenario.pace:
+        return [() for _ in times]
+    paces = fps * np.diff(times, append=2.0 * times[-1] - times[-2])
+    slowest = paces.min()
+    words = []
+    for pace in paces:
+        lines = [run.scenario.pace.format(float(f"{pace:.2g}"))]
+        if pace <= _SLOW * slowest:
+            lines.append("slow motion")
+        words.append(tuple(lines))
+    return words
 
 
 def still_cue(run: Run, span: Span) -> Cue:
-    return time_of(span.at, run.columns), MOMENTS.get(str(span.at), "")
+    t = time_of(span.at, run.columns)
+    return Cue(t, MOMENTS.get(str(span.at), ""), has_result=span.at == "end")
 
 
-def lines(run: Run, cues: Sequence[Cue]) -> Iterator[tuple[str, ...]]:
-    scenario, columns, times = run.scenario, run.columns, [t for t, _ in cues]
+def captions(run: Run, cues: Sequence[Cue]) -> Iterator[Caption]:
+    """Return the words of each picture of `run`."""
+    columns = run.columns
+    times = [cue.t for cue in cues]
     peak = greatest_compression(columns)
     rows = {
-        name: np.interp(times, columns["t"], values) for name, values in columns.items()
-    } | {"t": times}
-    for k, (t, note) in enumerate(cues):
-        last = f"*{scenario.marks(columns)[0]}" if note is None else note
-        if note == MOMENTS["greatest"] and abs(t - peak) > 0.01 * peak:
-            last = ""  # the cue belongs to another run
-        yield (
-            *scenario.caption(
-                {name: float(values[k]) for name, values in rows.items()}
-            ),
-            last,
+        name: np.interp(times, columns["t"], each) for name, each in columns.items()
+    }
+    rows["t"] = np.array(times)
+    result, _ = run.scenario.marks(columns)
+    for k, cue in enumerate(cues):
+        row = {name: float(values[k]) for name, values in rows.items()}
+        time, *others = run.scenario.caption(row)
+        note = cue.note
+        if note == MOMENTS["greatest"] and abs(cue.t - peak) > _NEAR_PEAK * peak:
+            note = ""  # the cue belongs to another run
+        yield Caption(
+            time=time,
+            motion=others[0] if others else "",
+            others=tuple(others[1:]),
+            note=note,
+            result=result if cue.has_result else "",
+            pace=cue.pace,
         )
-
-
-def scale_times(scenario: Scenario, columns: dict[str, Array]) -> list[float]:
-    """Return the times [R/c], up to the greatest compression, that determine the scale
-    of a film's colours."""
-    peak = greatest_compression(columns)
-    return [
-        *[
-            t
-            for t in scenario.frame_times(columns, 2 * _SCALE_TIMES).tolist()
-            if t < peak
-        ][-_SCALE_TIMES:],
-        peak,
-    ]
 
 
 # ---- comparisons of runs
@@ -159,7 +285,11 @@ MAX_RUNS = 4
 _NOT_PHYSICAL = ("time", "video")  # sections that do not change the physics
 
 
-def check_runs(runs: Sequence[Run]) -> None:
+def check_runs(runs: Sequence[Run], labels: Sequence[str] = ()) -> None:
+    if labels and len(labels) != len(runs):
+        raise InputError(
+            f"{len(labels)} labels for {len(runs)} runs: give one for each run"
+        )
     if len(runs) > MAX_RUNS:
         raise InputError(f"{len(runs)} runs side by side: compare {MAX_RUNS} at most")
     if len({(run.scenario.time_label, *run.scenario.labels) for run in runs}) > 1:
@@ -169,31 +299,38 @@ def check_runs(runs: Sequence[Run]) -> None:
         )
 
 
-def titles(runs: Sequence[Run]) -> list[tuple[str, ...]]:
+def titles(runs: Sequence[Run], labels: Sequence[str] = ()) -> list[tuple[str, ...]]:
+    """Return the title lines of each run. The first line of compared runs names the
+    keys in which their scenes differ, or is one of `labels`."""
+    known = [run.scenario.title() for run in runs]
+    names = list(labels) or _differences(runs)
+    if not names:
+        return known
+    return [
+        (name or title[0], *title[1:]) for name, title in zip(names, known, strict=True)
+    ]
+
+
+def _differences(runs: Sequence[Run]) -> list[str]:
     scenes = [run.scenario.scene for run in runs]
     if len(runs) == 1 or len({scene.scene for scene in scenes}) > 1:
-        return [run.scenario.title() for run in runs]
+        return []
     parts: list[list[str]] = [[] for _ in runs]
-    for name, section in scenes[0].sections().items():
-        for one, key in section.schema().items():
-            values = [getattr(getattr(scene, name), one) for scene in scenes]
-            if name not in _NOT_PHYSICAL and len(set(values)) > 1:
-                unit = (
-                    key.unit[1:]
-                    if key.unit.startswith("1/")
-                    else f" {key.unit}"
-                    if key.unit
-                    else ""
-                )
-                for part, value in zip(parts, values, strict=True):
-                    number = (
-                        f"{value:g}{unit}" if isinstance(value, float) else f"{value}"
-                    )
-                    part.append(
-                        f"{_SYMBOLS.get(one, one.replace('_', ' '))} = {number}"
-                    )
-    names = [run.scenario.title() for run in runs]
-    return [
-        ("    ".join(part) or name[0], *name[1:])
-        for part, name in zip(parts, names, strict=True)
-    ]
+    for section_name, section in scenes[0].sections().items():
+        if section_name in _NOT_PHYSICAL:
+            continue
+        for name, key in section.schema().items():
+            values = [getattr(getattr(scene, section_name), name) for scene in scenes]
+            if len(set(values)) == 1:
+                continue
+            symbol = _SYMBOLS.get(name, name.replace("_", " "))
+            for part, value in zip(parts, values, strict=True):
+                part.append(f"{symbol} = {_number(value, key.unit)}")
+    return ["    ".join(part) for part in parts]
+
+
+def _number(value: Any, unit: str) -> str:
+    number = f"{value:g}" if isinstance(value, float) else f"{value}"
+    if unit.startswith("1/"):
+        return f"{number}{unit[1:]}"
+    return f"{number} {unit}".strip()

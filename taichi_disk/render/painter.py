@@ -14,22 +14,27 @@ from taichi_disk.fields import QUANTITIES, Triangles, at_points, own_values
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Springs
 from taichi_disk.render import geometry
-from taichi_disk.render.geometry import Camera
-from taichi_disk.render.kernels import VERTEX
+from taichi_disk.render.geometry import ARROW, VELOCITY_ARROW, ArrowStyle, Camera
 from taichi_disk.render.palette import THEMES, colour_map, full_scale, map_kind
-from taichi_disk.statics.equilibrium import roll_angle, turned
 
 Vertices = NDArray[np.float32]
 get_field_info = import_module(f"{ti.__name__}.ui.utils").get_field_info
 
+# length of a GGUI vertex: position (3), normal (3), texture (2), colour (4)
+VERTEX = 12
 # Sizes are [px] in a picture of 720 pixels.
-# half the widths of a spring on the field and of an outline
-_SPRING, _OUTLINE = 0.65, 1.3
-# widths of an arrow's shaft, half head and rim; distance of arrows
-_ARROW, _HEAD, _RIM, _NEXT = 1.8, 4.5, 1.0, 10.0
+# half the width of a spring on the field, and the smallest one
+_SPRING, _MIN_SPRING = 0.65, 0.55
+_OUTLINE = 1.9  # half the width of an outline
+_FORCE_ARROW = ArrowStyle(shaft=4.5, head=8.0, rim=1.6, fade=1.0)
+_VELOCITY_ARROW = ArrowStyle(shaft=13.0, head=25.0, rim=3.0, fade=1.0)
+_DOT = 9.0  # radius of the dot at the foot of the velocity's arrow
+_NEXT = 20.0  # distance of two force arrows
 # springs on the field fade in between these distances of points
 _FINE, _COARSE = 5.0, 14.0
-_WEAK = 0.02  # a force below this fraction of `full_force` has no arrow
+# forces and velocities below these fractions of `full_force` and `full_speed` have no
+# arrow
+_WEAK, _SLOW = 0.1, 0.02
 _SEEN = 0.25  # largest opacity of springs on the field
 # approximate number of small triangles into which a coarse lattice is divided for
 # fringes
@@ -59,6 +64,8 @@ class Painter:
             quantity.
         full_force: force whose arrow has the length `geometry.ARROW` [M c^2/R]; 0: no
             arrows.
+        full_speed: speed of the centre of mass whose arrow has the length
+            `geometry.VELOCITY_ARROW` [c]; 0: no arrow.
         edge: height of the wall's edge above its surface [R], see
             `geometry.edge_height`.
         spoke: point to which a line is drawn from the disk's centre; -1: none.
@@ -69,19 +76,20 @@ class Painter:
     shown: Array
 
     def __init__(self, lattice: Lattice, springs: Springs, wall: Any = None) -> None:
-        self.lattice, self.springs, self.wall = lattice, springs, wall
-        self.colour, self.draw, self.theme = "shear", "both", "light"
-        self.limit, self.full_force, self.edge, self.spoke, self.magnify = (
-            1.0,
-            0.0,
-            0.0,
-            -1,
-            1.0,
-        )
-        self.triangles, self._spacing = (
-            Triangles(lattice),
-            float(np.median(lattice.rest_lengths)),
-        )
+        self.lattice = lattice
+        self.springs = springs
+        self.wall = wall
+        self.colour = "shear"
+        self.draw = "both"
+        self.theme = "light"
+        self.limit = 1.0
+        self.full_force = 0.0
+        self.full_speed = 0.0
+        self.edge = 0.0
+        self.spoke = -1
+        self.magnify = 1.0
+        self.triangles = Triangles(lattice)
+        self._spacing = float(np.median(lattice.rest_lengths))
 
     # ---- values
 
@@ -94,10 +102,17 @@ class Painter:
         return full_scale(values[: self.lattice.disk_points], self.colour)
 
     @property
+    def has_elastic_wall(self) -> bool:
+        return len(self.lattice.wall_surface) > 0
+
+    @property
     def remarks(self) -> list[str]:
-        elastic = self.wall is not None and len(self.lattice.wall_surface) > 0
-        grown = [f"displacements × {self.magnify:g}"] * (self.magnify > 1.0)
-        return grown + ["grey: range of the contact force"] * elastic
+        remarks = []
+        if self.magnify > 1.0:
+            remarks.append(f"displacements × {self.magnify:g}")
+        if self.has_elastic_wall:
+            remarks.append("grey: range of the contact force")
+        return remarks
 
     @property
     def signed(self) -> bool:
@@ -153,109 +168,165 @@ class Painter:
     # ---- drawing
 
     def placed(self, x: Array) -> Array:
-        """Return where points at `x` (n, 2) are drawn [R].
-
-        Displacements are taken relative to the initial lattice, rotated like the disk,
-        with its lowest point at the same height. Points near a contact may be drawn
-        inside the wall, which hides them.
-        """
-        out, n = np.array(x, order="C"), self.lattice.disk_points
-        if self.magnify != 1.0:
-            rest = self.lattice.positions[:n]
-            disk = turned(rest, roll_angle(rest, x[:n]))
-            disk += [
-                x[:n, 0].mean() - disk[:, 0].mean(),
-                x[:n, 1].min() - disk[:, 1].min(),
-            ]
-            out[:n] = disk + self.magnify * (x[:n] - disk)
-        return out
+        """Return where points at `x` (n, 2) are drawn [R]: see `geometry.placed`."""
+        return geometry.placed(self.lattice, x, self.magnify)
 
     def paint(
-        self, canvas: Any, camera: Camera, x: Array, v: Array, unit: float = 1.0
+        self,
+        canvas: Any,
+        camera: Camera,
+        x: Array,
+        v: Array,
+        unit: float = 1.0,
+        is_soft: bool = False,
     ) -> None:
-        """Draw the state on a `ti.ui.Canvas`. `unit`: factor for the widths of lines, 1
-        in a picture of 720 pixels."""
+        """Draw the state on a `ti.ui.Canvas`.
+
+        Args:
+            unit: factor for the widths of lines, 1 in a picture of 720 pixels.
+            is_soft: whether the window has this package's shaders, see
+                `offscreen.Window`.
+        """
         placed = self.placed(x)
-        theme, pixel = THEMES[self.theme], 1.0 / camera.scale
+        theme = THEMES[self.theme]
+        pixel = 1.0 / camera.scale
         self.shown = self.values(x, v)
         values = self.normalised(self.shown)
         colours = self.colours(values)
-        above, half = [geometry.NOTHING], max(_OUTLINE * unit, 1.0) * pixel
+        half = max(_OUTLINE * unit, 1.0) * pixel  # of an outline
+        above = [geometry.NOTHING]
         canvas.set_background_color(theme.ground)
         if self.wall is not None:
-            left, right, bottom, _ = camera.seen
-            if len(self.lattice.wall_surface):
-                # the solid body covers the outline of the wall
-                chain, depth = placed[self.lattice.wall_surface], half
-            else:  # across the visible part of the scene
-                chain, depth = (
-                    np.array([(left - pixel, 0.0), (right + pixel, 0.0)]),
-                    max(pixel - bottom, -self.edge),
-                )
-            decay = max(self.wall.decay_length, 0.4 * pixel)
-            haze, solid = geometry.wall_body(chain, depth, self.edge, decay, theme)
+            haze, solid = self._wall_shapes(camera, placed, half)
             self.draw_shape(canvas, haze, camera)
         if self.draw in ("field", "both"):
-            points, each, corners = self.mesh(placed, values)
-            draw_triangles(canvas, _put(camera, points, self.colours(each)), corners)
-            spacing = self._spacing * camera.scale / max(unit, 0.7)
-            ink = _SEEN * min(max((spacing - _FINE) / (_COARSE - _FINE), 0.0), 1.0)
-            if ink and self.draw == "both" and self.colour != "fringes":
-                shade = (1.0 - ink) * colours[self.lattice.bonds.ravel()]
-                self._springs(
-                    canvas, camera, placed, shade, 2.0 * max(_SPRING * unit, 0.55)
-                )
-            for sides in (self.triangles.outline, self.triangles.interfaces):
-                inside = colours[sides]
-                outside = (
-                    theme.ground
-                    if sides is self.triangles.outline
-                    else inside.mean(axis=1)
-                )
-                start, end = placed[sides.T]
-                above.append(
-                    geometry.outline(start, end, half, inside, theme.ink, outside)
-                )
+            self._draw_field(canvas, camera, placed, values, unit, is_soft)
+            above += self._outlines(placed, colours, half)
         elif self.draw == "springs":
             # Thin lines suffice if there are few springs, but a line thinner than about
             # a pixel vanishes.
             width = max(min(0.15 * self._spacing * camera.scale, 2.5 * unit), 1.1)
             each = np.repeat(self.colours(self._of_springs(x, v, values)), 2, axis=0)
-            self._springs(canvas, camera, placed, each, width)
+            self._lines(canvas, camera, placed[self.lattice.bonds], each, width)
         if self.spoke >= 0:
-            ends = self.lattice.mean(placed)[None], placed[[self.spoke]]
-            for colour, wide in ((theme.ground, 2.0 * half), (theme.ink, half)):
-                above.append(
-                    geometry.outline(
-                        *ends, wide, np.broadcast_to(colour, (1, 2, 3)), colour, colour
-                    )
-                )
+            above += self._spoke(placed, half)
         if self.wall is not None:
             above.append(solid)
         if self.full_force and self.wall is not None:
-            sizes = (
-                _HEAD * unit * pixel,
-                max(_ARROW * unit, 1.0) * pixel,
-                _RIM * unit * pixel,
-            )
-            above.append(
-                geometry.arrows(
-                    *self.pushes(x, v, max(_NEXT * unit, 9.0) * pixel), *sizes, theme
-                )
-            )
+            pushes = self.pushes(x, v, placed, max(_NEXT * unit, 9.0) * pixel)
+            above.append(self._force_arrows(*pushes, unit, pixel))
+        if self.full_speed:
+            above.append(self._velocity_arrow(placed, v, unit * pixel))
         self.draw_shape(canvas, geometry.joined(*above), camera)
         if self.draw == "points":
-            radius = (
-                max(min(0.3 * self._spacing * camera.scale, 6.0 * unit), 1.0)
-                / camera.height
-            )
+            radius = max(min(0.3 * self._spacing * camera.scale, 6.0 * unit), 1.0)
             # keep this array alive: GGUI reads its memory
             out = _put(camera, placed, colours)
             canvas.canvas.circles(
-                get_field_info(out), True, False, (0.0, 0.0, 0.0), radius
+                get_field_info(out),
+                True,
+                False,
+                (0.0, 0.0, 0.0),
+                radius / camera.height,
             )
 
-    def pushes(self, x: Array, v: Array, distance: float) -> tuple[Array, Array]:
+    def _wall_shapes(
+        self, camera: Camera, placed: Array, half: float
+    ) -> tuple[geometry.Shape, geometry.Shape]:
+        pixel = 1.0 / camera.scale
+        if self.has_elastic_wall:
+            # the solid body covers the outline of the wall
+            chain = placed[self.lattice.wall_surface]
+            depth = half
+        else:  # across the visible part of the scene
+            left, right, bottom, _ = camera.seen
+            chain = np.array([(left - pixel, 0.0), (right + pixel, 0.0)])
+            depth = max(pixel - bottom, -self.edge)
+        decay = max(self.wall.decay_length, 0.4 * pixel)
+        theme = THEMES[self.theme]
+        return geometry.wall_body(chain, depth, self.edge, decay, theme)
+
+    def _draw_field(
+        self,
+        canvas: Any,
+        camera: Camera,
+        placed: Array,
+        values: Array,
+        unit: float,
+        is_soft: bool,
+    ) -> None:
+        spacing = self._spacing * camera.scale / max(unit, 0.7)
+        ink = _SEEN * min(max((spacing - _FINE) / (_COARSE - _FINE), 0.0), 1.0)
+        if self.draw != "both" or self.colour == "fringes":
+            ink = 0.0
+        points, each, corners = self.mesh(placed, values)
+        colours = self.colours(each)
+        if ink and is_soft:
+            width = 2.0 * max(_SPRING * unit, _MIN_SPRING)
+            out = _put(camera, points[corners.ravel()], colours[corners.ravel()])
+            out[:, 3:6] = _darkness(camera.scale * points[corners], ink, width)
+            draw_triangles(canvas, out)
+            lines = self.triangles.crossing
+        else:
+            draw_triangles(canvas, _put(camera, points, colours), corners)
+            lines = self.lattice.bonds
+        if ink and len(lines):
+            shade = (1.0 - ink) * colours[lines.ravel()]
+            width = 2.0 * max(_SPRING * unit, _MIN_SPRING)
+            self._lines(canvas, camera, placed[lines], shade, width)
+
+    def _outlines(
+        self, placed: Array, colours: NDArray[np.float32], half: float
+    ) -> list[geometry.Shape]:
+        theme = THEMES[self.theme]
+        shapes = []
+        for sides in (self.triangles.outline, self.triangles.interfaces):
+            inside = colours[sides]
+            outside: Any = inside.mean(axis=1)
+            if sides is self.triangles.outline:
+                outside = theme.ground
+            start, end = placed[sides.T]
+            shapes.append(
+                geometry.outline(start, end, half, inside, theme.ink, outside)
+            )
+        return shapes
+
+    def _spoke(self, placed: Array, half: float) -> list[geometry.Shape]:
+        theme = THEMES[self.theme]
+        centre = self.lattice.mean(placed)[None]
+        end = placed[[self.spoke]]
+        shapes = []
+        for colour, width in ((theme.ground, 2.0 * half), (theme.ink, half)):
+            inside = np.broadcast_to(colour, (1, 2, 3))
+            shapes.append(geometry.outline(centre, end, width, inside, colour, colour))
+        return shapes
+
+    def _force_arrows(
+        self, feet: Array, forces: Array, unit: float, pixel: float
+    ) -> geometry.Shape:
+        if not len(feet):
+            return geometry.NOTHING
+        theme = THEMES[self.theme]
+        style = _scaled(_FORCE_ARROW, unit * pixel, pixel)
+        return geometry.arrows(feet, ARROW * forces, style, theme.arrow, theme)
+
+    def _velocity_arrow(self, placed: Array, v: Array, unit: float) -> geometry.Shape:
+        """Return a dot at the centre of mass, and its velocity. `unit`: length [R] of a
+        pixel in a picture of 720 pixels."""
+        theme = THEMES[self.theme]
+        style = _scaled(_VELOCITY_ARROW, unit, unit)
+        centre = self.lattice.mean(placed)
+        velocity = self.lattice.mean(v) / self.full_speed
+        mark = geometry.dot(centre, _DOT * unit, style, theme.velocity, theme)
+        if np.hypot(*velocity) < _SLOW:
+            return mark
+        vector = VELOCITY_ARROW * velocity[None]
+        arrow = geometry.arrows(centre[None], vector, style, theme.velocity, theme)
+        return geometry.joined(arrow, mark)
+
+    def pushes(
+        self, x: Array, v: Array, placed: Array, distance: float
+    ) -> tuple[Array, Array]:
         """Return the starts (k, 2) [R] of arrows and their forces (k, 2) over
         `full_force`."""
         # If points are closer than `distance` [R], one arrow shows the mean force of
@@ -263,13 +334,12 @@ class Painter:
         points, forces = self.wall.contact_forces(self.lattice, x, v, self.springs)
         forces = forces / self.full_force
         strong = np.hypot(*forces.T) > _WEAK
-        placed = self.placed(x)
+        if not strong.any():
+            return forces[:0], forces[:0]
         feet, forces = placed[points[strong]], forces[strong]
-        chain = (
-            placed[self.lattice.wall_surface]
-            if len(self.lattice.wall_surface)
-            else np.zeros((1, 2))
-        )
+        chain = np.zeros((1, 2))
+        if self.has_elastic_wall:
+            chain = placed[self.lattice.wall_surface]
         # Magnified displacements may move points into the wall, which would hide their
         # arrows.
         feet[:, 1] = np.maximum(feet[:, 1], np.interp(feet[:, 0], *chain.T) + self.edge)
@@ -287,28 +357,54 @@ class Painter:
             own_values(self.colour, self.triangles, self.springs, x, v)
         )
 
-    def _springs(
-        self, canvas: Any, camera: Camera, x: Array, colours: NDArray[Any], width: float
+    def _lines(
+        self,
+        canvas: Any,
+        camera: Camera,
+        ends: Array,
+        colours: NDArray[Any],
+        width: float,
     ) -> None:
-        out = _put(camera, x[self.lattice.bonds.ravel()], colours)
-        canvas.canvas.lines(
-            get_field_info(out),
-            get_field_info(None),
-            True,
-            (0.0, 0.0, 0.0),
-            width / camera.height,
-        )
+        """Draw lines `width` [px] wide. `ends` (k, 2, 2) [R]; `colours` (2 k, 3)."""
+        out = _put(camera, ends.reshape(-1, 2), colours)
+        info = get_field_info(out), get_field_info(None)
+        black = 0.0, 0.0, 0.0
+        canvas.canvas.lines(*info, True, black, width / camera.height)
 
     def draw_shape(self, canvas: Any, shape: geometry.Shape, camera: Camera) -> None:
         if len(shape[0]):
             draw_triangles(canvas, _put(camera, *shape))
 
 
+def _scaled(style: ArrowStyle, unit: float, fade: float) -> ArrowStyle:
+    return ArrowStyle(unit * style.shaft, unit * style.head, unit * style.rim, fade)
+
+
 def _put(camera: Camera, points: Array, colours: NDArray[Any]) -> Vertices:
+    """Return GGUI's vertices. `colours`: (k, 3), or (k, 4) with the opacity."""
     out = np.zeros((len(points), VERTEX), dtype=np.float32)
     factor, shift = camera.canvas_map()
-    out[:, :2], out[:, 8:11], out[:, 11] = factor * points + shift, colours, 1.0
+    out[:, :2] = factor * points + shift
+    out[:, 11] = 1.0
+    out[:, 8 : 8 + colours.shape[1]] = colours
     return out
+
+
+def _darkness(corners: Array, ink: float, width: float) -> Array:
+    """Return the darkness (3 t, 3) of the three sides at the corners of triangles.
+
+    On a side it is `ink`, and it falls to 0 at the distance `width` [px], so that two
+    adjacent triangles draw a line as heavy as a hard one of this width. `corners`:
+    (t, 3, 2) [px].
+    """
+    sides = np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1)
+    length = np.maximum(np.hypot(sides[..., 0], sides[..., 1]), 1e-9)
+    double_area = sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]
+    height = np.abs(double_area)[:, None] / length
+    darkness = np.full((len(corners), 3, 3), ink)
+    corner = np.arange(3)
+    darkness[:, corner, corner] = ink * (1.0 - height / width)
+    return darkness.reshape(-1, 3)
 
 
 def draw_triangles(

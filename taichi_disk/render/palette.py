@@ -27,7 +27,8 @@ class Theme:
     ink: Colour  # important text, outlines
     faint: Colour  # other text
     wall: Colour  # body of the rigid wall, surface layer of the elastic wall
-    arrow: Colour
+    arrow: Colour  # arrows of forces
+    velocity: Colour  # arrow, number and curve of the velocity
     rule: Colour  # lines of a graph
     low: tuple[tuple[float, float, float], ...]
     zero: tuple[float, float, float]
@@ -43,6 +44,7 @@ THEMES: dict[str, Theme] = {
         faint=(0.37, 0.38, 0.41),
         wall=(0.77, 0.76, 0.73),
         arrow=(0.10, 0.10, 0.12),
+        velocity=(0.0, 0.502, 0.416),
         rule=(0.87, 0.87, 0.86),
         low=((76, 24, 30), (54, 56, 46), (32, 52, 36)),
         zero=(96, 0, 1),
@@ -56,6 +58,7 @@ THEMES: dict[str, Theme] = {
         faint=(0.64, 0.65, 0.67),
         wall=(0.30, 0.33, 0.38),
         arrow=(0.97, 0.97, 0.95),
+        velocity=(0.184, 0.78, 0.608),
         rule=(0.20, 0.21, 0.23),
         low=((38, 40, 40), (62, 48, 52), (86, 12, 46)),
         zero=(14, 0, -2),

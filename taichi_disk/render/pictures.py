@@ -1,247 +1,233 @@
-"""Draw states and curves into finished pictures, off screen."""
+"""Draw states, words and curves into finished pictures, off screen."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from taichi_disk.computation.outcome import Outcome
+from taichi_disk.computation.driver import State
 from taichi_disk.lattice import Array
-from taichi_disk.output.plot import (
-    LINE,
-    MARK,
-    PANEL_HEIGHTS,
-    STYLE,
-    draw_curves,
-    matplotlib_style,
-)
-from taichi_disk.render import kernels
 from taichi_disk.render.geometry import Camera, View
-from taichi_disk.render.legend import LEAST, Legend
-from taichi_disk.render.offscreen import elsewhere, open_window
-from taichi_disk.render.palette import Theme
+from taichi_disk.render.legend import Legend, Letters, footer
+from taichi_disk.render.moments import Caption
+from taichi_disk.render.offscreen import open_window
+from taichi_disk.render.panel import Panel
+from taichi_disk.render.scales import Scales
 from taichi_disk.render.video import Picture
 
-_MARGIN = 8.0  # margin around the view, in a picture of 720 pixels [px]
-_LETTER = 13.2  # size of letters in a picture of 720 pixels [px]
-_FAINT = 0.2  # contrast of curves at times still to come
-# line style of each run
-_LINES: tuple[Any, ...] = ("solid", (0, (3, 1.5)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))
+_MARGIN = 8.0  # margin beside the view in a picture of 720 pixels [px]
+_BEYOND = 3.0  # drawn around the view, for outlines and the wall's edge [px]
+_CLEAR = 4.0  # least distance of the disk to words in a picture of 720 pixels [px]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the scene lies in the picture of one disk.
+
+    Attributes:
+        scale: pixels per R.
+        middle: column of the middle of the view [px].
+        bottom: row of the lower end of the view [px].
+        view: (xmin, xmax, ymin, ymax) [R].
+    """
+
+    scale: float
+    middle: float
+    bottom: int
+    view: View
+
+    @classmethod
+    def fit(
+        cls, view: View, size: tuple[int, int], header: int, bottom: int, unit: float
+    ) -> Layout:
+        """Return the layout that shows `view` as large as possible between the rows
+        `header` and `bottom`."""
+        xmin, xmax, ymin, ymax = view
+        width, _ = size
+        across = (width - 2.0 * _MARGIN * unit) / (xmax - xmin)
+        upwards = (bottom - header) / (ymax - ymin)
+        return cls(min(across, upwards), 0.5 * width, bottom, view)
+
+    def pixels(self, points: Array) -> Array:
+        """Return columns and rows (n, 2) [px] of points (n, 2) [R]."""
+        xmin, xmax, ymin, _ = self.view
+        columns = self.middle + self.scale * (points[:, 0] - 0.5 * (xmin + xmax))
+        return np.stack([columns, self.bottom - self.scale * (points[:, 1] - ymin)], 1)
+
+    def drawn(self, size: tuple[int, int]) -> tuple[slice, slice]:
+        """Return the rows and columns that GGUI draws: even numbers [px]."""
+        xmin, xmax, ymin, ymax = self.view
+        width, height = size
+        across = 0.5 * self.scale * (xmax - xmin) + _BEYOND
+        half = min(2 * int(0.5 * across + 1.0), width // 2)
+        left = width // 2 - half
+        top = self.bottom - self.scale * (ymax - ymin) - _BEYOND
+        first = 2 * int(max(0.5 * top, 0.0))
+        last = min(2 * int(0.5 * (self.bottom + _BEYOND)), height)
+        return slice(first, last), slice(left, left + 2 * half)
+
+    def camera(self, rows: slice, columns: slice, supersample: float) -> Camera:
+        width = round((columns.stop - columns.start) * supersample)
+        height = round((rows.stop - rows.start) * supersample)
+        xmin, xmax, ymin, _ = self.view
+        middle = self.middle - columns.start, self.bottom - rows.start
+        return Camera(
+            width=width,
+            height=height,
+            scale=self.scale * supersample,
+            look_at=(0.5 * (xmin + xmax), ymin),
+            middle=(middle[0] * supersample, middle[1] * supersample),
+            viewport=(0.0, float(width), 0.0, float(height)),
+        )
+
+
+def arranged(
+    legends: Sequence[Legend],
+    size: tuple[int, int],
+    letters: Letters,
+    view: View,
+    outer: Sequence[Array],
+) -> Layout:
+    """Return the layout of one or several disks, and let the legends stand in the
+    corners if no disk reaches them, else in a band above.
+
+    `outer`: positions (n, 2) [R] of the disk of each legend that reach farthest.
+    """
+    bottom = size[1] - footer(letters, size[1])
+    clear = _CLEAR * letters.unit
+    layouts = []
+    for is_band in (False, True):
+        header = max(legend.set_band(is_band) for legend in legends)
+        layout = Layout.fit(view, size, header, bottom, letters.unit)
+        layouts.append(layout)
+        pairs = zip(legends, outer, strict=True)
+        if not any(_touches(layout.pixels(x), one.boxes(), clear) for one, x in pairs):
+            return layout
+    return layouts[-1]
+
+
+def _touches(
+    points: Array, boxes: Sequence[tuple[float, float, float, float]], clear: float
+) -> bool:
+    for left, right, top, bottom in boxes:
+        beside = np.maximum(left - points[:, 0], points[:, 0] - right)
+        above = np.maximum(top - points[:, 1], points[:, 1] - bottom)
+        if (np.maximum(beside, above) < clear).any():
+            return True
+    return False
 
 
 class Pictures:
-    """Pictures of one disk or of several side by side, optionally with a panel of
-    curves at the right.
+    """Pictures of one disk with curves at the right, or of several disks.
 
     An instance holds the process's only window until it is closed. Call `draw` in the
-    thread that made the instance; `finish` may run in another thread. `width`: of a
-    picture [px].
+    thread that made the instance; `finish` and `again`, which always return the same
+    array, in another. `width`: of a picture [px].
     """
 
     def __init__(
         self,
         legends: Sequence[Legend],
-        size: int,
-        view: View,
+        scales: Scales,
+        layout: Layout,
+        size: tuple[int, int],
         supersample: float,
-        panel: Panel | None = None,
+        panel: Callable[[], Panel] | None = None,
+        panel_width: int = 0,
     ) -> None:
-        """`size`: of the picture of one disk [px], even; `supersample`: samples across
-        a pixel, 1, 1.5 or 2."""
-        self._legends, self._size, self._samples, self._panel = (
-            legends,
-            size,
-            round(2 * supersample),
-            panel,
-        )
-        # Compared disks lie at the same height, below the longest title.
-        header, self._bottom = (
-            max(legend.header for legend in legends),
-            size - legends[0].footer,
-        )
-        self._unit = legends[0].unit * supersample
-        width, height = (
-            round(size * supersample),
-            round((self._bottom - header) * supersample),
-        )
-        margin = _MARGIN * self._unit
-        # Columns beside the view show only background and rigid wall, so they repeat
-        # the last drawn column.
-        seen = 2.0 * margin + Camera.fit(view, width, height, margin).scale * (
-            view[1] - view[0]
-        )
-        self._beside = int((width - seen) / (2.0 * supersample))
-        drawn = round((size - 2 * self._beside) * supersample), height
-        self._camera = Camera.fit(view, *drawn, margin)
-        scale = self._camera.scale / supersample
-        parts = [legend.still(scale) for legend in legends]
-        if len(legends) > 1:  # the disks share one row of scales
-            scales = np.hsplit(
-                legends[0].below(len(legends) * size, scale), len(legends)
-            )
-            for part, below in zip(parts, scales, strict=True):
-                part[self._bottom :] = below
-        self._blank = np.concatenate([*parts, panel.full] if panel else parts, axis=1)
-        self.width = self._blank.shape[1]
+        """
+        Args:
+            size: (width, height) of the picture of one disk [px], even.
+            supersample: samples across a pixel, 1, 1.5 or 2.
+            panel: returns the panel of curves, when it is needed.
+        """
+        width, height = size
+        self._legends = legends
+        self._scales = scales
+        self._width = width
+        self._samples = round(2 * supersample)
+        self._begin_panel = panel
+        self._panel: Panel | None = None
+        self._rows, self._columns = layout.drawn(size)
+        self._camera = layout.camera(self._rows, self._columns, supersample)
+        self._unit = height / 720 * supersample
+        self._disks = len(legends) * width
+        self.width = self._disks + panel_width
+        self._still = np.concatenate([legend.still() for legend in legends], axis=1)
+        self._picture = np.full((height, self.width, 4), 255, dtype=np.uint8)
+        self._picture[:, : self._disks, :3] = self._still
+        below = scales.still(layout.scale)
+        self._footer = slice(height - len(below), height)
+        self._picture[self._footer, : self._disks, :3] = below
+        drawn = self._camera.width, self._camera.height
         self._window = open_window("taichi-disk", drawn, show_window=False)
 
-    def draw(self, states: Sequence[tuple[float, Array, Array]]) -> Picture:
-        picture = self._blank.copy()
-        for k, (legend, (_, x, v)) in enumerate(
-            zip(self._legends, states, strict=True)
-        ):
-            legend.painter.paint(
-                self._window.get_canvas(), self._camera, x, v, self._unit
-            )
-            left, drawn = (
-                k * self._size + self._beside,
-                self._window.get_image_buffer_as_numpy(),
-            )
-            kernels.shrink(
-                drawn, picture, left, self._bottom, self._beside, self._samples
-            )
-        return picture
+    def draw(self, moments: Sequence[State]) -> list[NDArray[np.float32]]:
+        """Return GGUI's image of each disk, [x, y upwards, colour]."""
+        images = []
+        canvas = self._window.get_canvas()
+        is_soft = self._window.is_soft
+        for legend, (_, x, v) in zip(self._legends, moments, strict=True):
+            legend.painter.paint(canvas, self._camera, x, v, self._unit, is_soft)
+            images.append(self._window.get_image_buffer_as_numpy())
+        return images
 
     def finish(
-        self, picture: Picture, lines: Sequence[Sequence[str]], t: float
+        self,
+        images: Sequence[NDArray[np.float32]],
+        captions: Sequence[Caption],
+        t: float,
     ) -> Picture:
-        """Draw the changing `lines` of each disk, and the panel's curves up to `t`
-        [R/c], into `picture`."""
+        """Return the picture (height, width, 4) with the images, the captions of the
+        disks, and the curves up to `t` [R/c]."""
+        picture = self._picture[..., :3]
         for k, legend in enumerate(self._legends):
-            legend.write(picture[:, k * self._size : (k + 1) * self._size], lines[k])
-        if self._panel:
-            self._panel.draw(picture[:, len(self._legends) * self._size :], t)
-        return picture
+            columns = slice(k * self._width, (k + 1) * self._width)
+            legend.erase(picture[:, columns])
+            self._place(self._picture[:, columns], images[k])
+            for box in legend.constant_boxes():
+                picture[:, columns][box] = self._still[:, columns][box]
+            legend.write(picture[:, columns], captions[k])
+        if self._footer.start < self._footer.stop:
+            below = picture[self._footer, : self._disks]
+            self._scales.write(below, captions[0].pace)
+        if self._begin_panel:
+            self._panel = self._panel or self._begin_panel()
+            self._panel.draw(picture[:, self._disks :], t)
+        return self._picture
+
+    def again(self) -> Picture:
+        """Return the last picture."""
+        return self._picture
+
+    def _place(self, part: Picture, image: NDArray[np.float32]) -> None:
+        """Place GGUI's image into the picture of a disk. Columns beside it show only
+        the background and a rigid wall, so they repeat the outermost ones."""
+        levels = 255.0 * shrunk(image, self._samples)
+        levels += 0.5
+        # four bytes at a time, which is several times faster
+        words = levels.astype(np.uint8).view(np.uint32)[..., 0]
+        rows = part[self._rows].view(np.uint32)[..., 0]
+        rows[:, self._columns] = words.T[::-1]
+        rows[:, : self._columns.start] = rows[:, self._columns.start, None]
+        rows[:, self._columns.stop :] = rows[:, self._columns.stop - 1, None]
 
     def close(self) -> None:
-        with elsewhere():
-            self._window.destroy()
+        self._window.destroy()
 
 
-# ---- the curves
-
-
-@dataclass(frozen=True)
-class Panel:
-    """Curves that are drawn once; those of later times are shown faded."""
-
-    full: Picture  # (rows, columns, 3) the complete curves
-    faint: Picture  # the same, faded
-    end: float  # end of the time axis, which begins at 0 [R/c]
-    # first and last column, first and last row of each pair of axes
-    boxes: tuple[tuple[int, int, int, int], ...]
-    ink: tuple[int, ...]  # colour of the line that marks the time
-
-    def draw(self, picture: Picture, t: float) -> None:
-        for left, right, top, bottom in self.boxes:
-            now = round(float(np.interp(t, (0.0, self.end), (left, right))))
-            picture[top:bottom, now:] = self.faint[top:bottom, now:]
-            picture[top:bottom, now] = self.ink
-
-
-def side_panel(
-    runs: Sequence[Outcome], names: Sequence[str], size: int, theme: Theme
-) -> Panel:
-    """Return the panel of curves of `runs`, `size` pixels high. With one disk the film
-    has the ratio 16 : 9."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
-
-    width, dpi, letter = (
-        2 * round(size * 7 / 18),
-        size / 7.2,
-        max(_LETTER * size / 720, LEAST),
-    )
-    with matplotlib_style(_style(theme, 72.0 * letter / dpi)):
-        # Slightly larger, because Matplotlib rounds down.
-        figure = Figure(figsize=((width + 0.1) / dpi, (size + 0.1) / dpi), dpi=dpi)
-        canvas = FigureCanvasAgg(figure)
-        axes = list(figure.subplots(3, 1, sharex=True, height_ratios=PANEL_HEIGHTS))
-        lines = []
-        for run, style in zip(runs, _LINES, strict=False):
-            lines += draw_curves(axes, run.scenario, run.columns, linestyle=style)
-            result = run.scenario.motion(run.columns)[0][-1]
-            # below the curve
-            axes[0].axhline(
-                result, color=MARK, linewidth=1.0, linestyle=(0, (5, 4)), zorder=1
-            )
-        end = max(run.scenario.last_motion(run.columns) for run in runs)
-        axes[-1].set_xlim(0.0, end)
-        for ax in axes:
-            ax.margins(y=0.06)
-            # There is no room above an axis for its power of ten, so the label of the
-            # axis contains it.
-            numbers = ax.yaxis.get_major_formatter()
-            numbers.format_ticks(ax.get_yticks())
-            ax.yaxis.get_offset_text().set_visible(False)
-            ax.set_title(
-                f"{ax.get_ylabel()} {numbers.get_offset()}".replace("\n", " "),
-                loc="left",
-            )
-            ax.set_ylabel("")
-        for line in lines:
-            if len(runs) > 1 and line.get_label().startswith("vibration left"):
-                # without the number, which differs from run to run
-                line.set_label("vibration left")
-        # those of the first run
-        energies = {
-            line.get_label(): line for line in lines[::-1] if line.axes is axes[2]
-        }
-        handles = list(energies.values())[::-1]
-        if len(runs) > 1:
-            named = zip(names, _LINES, strict=False)
-            handles += [
-                Line2D([], [], color=LINE, linestyle=style, label=name)
-                for name, style in named
-            ]
-        across, down, rows = letter / width, letter / size, (len(handles) + 1) // 2
-        figure.subplots_adjust(
-            5.0 * across,
-            (4.2 + 1.7 * rows) * down,
-            1.0 - across,
-            1.0 - 2.0 * down,
-            hspace=9.0 * down,
-        )
-        figure.legend(
-            handles=handles,
-            loc="lower center",
-            ncols=2,
-            handlelength=1.4,
-            columnspacing=1.2,
-        )
-        canvas.draw()
-        full = np.asarray(canvas.buffer_rgba())[..., :3].copy()
-    extents = [ax.get_window_extent() for ax in axes]
-    boxes = [(box.x0, box.x1, size - box.y1, size - box.y0) for box in extents]
-    ground, ink = (
-        255.0 * np.asarray(theme.ground),
-        tuple(round(255 * part) for part in theme.faint),
-    )
-    faint = np.rint(ground + _FAINT * (full - ground)).astype(np.uint8)
-    return Panel(full, faint, end, tuple(tuple(map(round, box)) for box in boxes), ink)
-
-
-def _style(theme: Theme, points: float) -> dict[Any, Any]:
-    sizes = {
-        "font.size": points,
-        "axes.titlesize": "medium",
-        "legend.fontsize": "medium",
-    }
-    inks = dict.fromkeys(
-        ("text.color", "axes.labelcolor", "xtick.color", "ytick.color"), theme.ink
-    )
-    grounds = {"figure.facecolor": theme.ground, "axes.facecolor": theme.ground}
-    return (
-        STYLE
-        | sizes
-        | inks
-        | grounds
-        | {
-            "axes.edgecolor": theme.faint,
-            "grid.color": theme.rule,
-        }
-    )
+def shrunk(image: NDArray[np.float32], samples: int) -> NDArray[np.float32]:
+    """Return an image [x, y, colour] in which 2 x 2 pixels replace each block of
+    `samples` x `samples`, by averages over the area of a pixel."""
+    if samples == 2:
+        return image
+    edges = np.arange(samples + 1) * 2.0 / samples
+    shares = [np.diff(np.clip(edges, pixel, pixel + 1)) for pixel in (0, 1)]
+    weights = np.array(shares, dtype=np.float32)
+    width, height, _ = image.shape
+    columns = weights @ image.reshape(width // samples, samples, -1)
+    rows = columns.reshape(-1, height // samples, samples, 4)
+    return np.asarray(weights @ rows).reshape(len(rows), -1, 4)

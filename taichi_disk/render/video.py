@@ -23,21 +23,22 @@ Append = Callable[[Picture], object]
 
 _CODECS = {".mp4": "libx264", ".webm": "libvpx-vp9"}
 _OPTIONS = {
-    # "veryfast" at crf 22 takes 1.25 times as long for 0.67 of the bytes, without a
-    # visible difference. The macroblock tree of x264 reads uninitialised memory (found
-    # by valgrind), so bytes would differ from run to run. Motion to whole pixels
-    # ("subq") saves 0.3 of the time for 1.08 of the bytes.
+    # "veryfast" with B pictures takes 1.5 times as long for 0.4 of the bytes. The
+    # macroblock tree of x264 reads uninitialised memory (found by valgrind), so bytes
+    # would differ from run to run; without it and without a search for changes of the
+    # scene there is nothing to look ahead for.
     ".mp4": {
         "preset": "superfast",
-        "crf": "24",
-        "coder": "0",
+        "crf": "24.5",
         "bf": "0",
-        "partitions": "none",
-        "subq": "0",
-    }
-    | {"mbtree": "0"},
+        "mbtree": "0",
+        "rc-lookahead": "0",
+        "sc_threshold": "0",
+        "weightp": "0",
+    },
     ".webm": {"crf": "32", "b": "0", "deadline": "realtime", "cpu-used": "6"},
 }
+_KEY_INTERVAL = 1.0  # time from one key picture to the next, for steps back [s]
 # primaries, transfer and matrix in H.273; without tags players guess the colours
 _BT709 = 1
 _WAITING = 3  # pictures that may wait for the encoder
@@ -53,9 +54,10 @@ def video(
     pictures as "".
 
     `size`: width and height, even numbers [px]; `origin`: text for the metadata of the
-    file. Yields `write(picture)`, which appends the array (height, width, 3) that
-    `picture()` returns in another thread. Equal pictures give equal bytes. Raises
-    OSError, at a later picture or at the end, if the file cannot be written.
+    file. Yields `write(picture)`, which appends the array (height, width, 4) that
+    `picture()` returns in another thread, and does not keep it. Equal pictures give
+    equal bytes. Raises OSError, at a later picture or at the end, if the file cannot be
+    written.
     """
     encoder = {"": _folder, ".png": _still, ".gif": _gif}.get(form, _stream)
     # Drawing holds Python's lock for milliseconds at a time; by default the encoder
@@ -103,6 +105,7 @@ def _stream(
         # One thread is fastest, as
         # long as it keeps up with the drawing, which keeps two cores busy.
         context.thread_count = 1 + min(width, height) // 1080
+        context.gop_size = max(round(_KEY_INTERVAL * fps), 1)
         context.flags |= av.codec.context.Flags.bitexact
         context.color_range, context.colorspace = 1, _BT709
         context.color_primaries = context.color_trc = _BT709
@@ -111,9 +114,7 @@ def _stream(
         number = count()
 
         def append(picture: Picture) -> None:
-            frame: Any = av.VideoFrame.from_numpy_buffer(
-                np.ascontiguousarray(picture), format="rgb24"
-            )
+            frame: Any = av.VideoFrame.from_numpy_buffer(picture, format="rgba")
             frame = converter.reformat(
                 frame,
                 format="yuv420p",
@@ -147,7 +148,7 @@ def _gif(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[A
         number = next(numbers)
         if number % step == 0:
             starts.append(100.0 * number / fps)
-            packed.append(zlib.compress(picture.tobytes(), 1))
+            packed.append(zlib.compress(picture[..., :3].tobytes(), 1))
 
     def unpacked(step: int = 1) -> Iterator[Any]:
         return (
@@ -155,19 +156,26 @@ def _gif(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[A
         )
 
     yield append
-    sampled = np.concatenate(
-        [np.asarray(one) for one in unpacked(1 + len(packed) // _GIF_SAMPLES)]
-    )
-    palette = Image.fromarray(sampled).quantize(256, Image.Quantize.MAXCOVERAGE)
-    first, *others = (
-        one.quantize(palette=palette, dither=Image.Dither.NONE) for one in unpacked()
-    )
     # GIF durations are multiples of 10 ms
     ends = np.rint([*starts, 100.0 * next(numbers) / fps])
     if len(starts) > 1 and ends[-1] - ends[-2] < 100.0 / _GIF_FPS:
         ends = np.delete(ends, -2)
         del packed[-1]
     durations = [int(one) for one in 10.0 * np.diff(ends)]
+    sampled = np.concatenate(
+        [np.asarray(one) for one in unpacked(1 + len(packed) // _GIF_SAMPLES)]
+    )
+    palette = Image.fromarray(sampled).quantize(255, Image.Quantize.MAXCOVERAGE)
+    colours = sampled.reshape(-1, 3)[::7]
+    codes = colours @ np.array([65536, 256, 1])
+    # The background is exact, because a tinge would be seen.
+    ground = int(np.bincount(codes).argmax())
+    known = palette.getpalette() or []
+    known = [*known[: 3 * 255], ground >> 16, ground >> 8 & 255, ground & 255]
+    palette.putpalette(known)
+    first, *others = (
+        one.quantize(palette=palette, dither=Image.Dither.NONE) for one in unpacked()
+    )
     with open(path, "w+b") as file:
         first.save(
             file,
@@ -204,4 +212,4 @@ def _save(picture: Picture, path: Path, origin: str, **options: Any) -> None:
 
     info = PngInfo()
     info.add_itxt("Description", origin)
-    Image.fromarray(picture).save(path, pnginfo=info, **options)
+    Image.fromarray(picture[..., :3]).save(path, pnginfo=info, **options)

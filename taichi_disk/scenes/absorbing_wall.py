@@ -52,7 +52,9 @@ class AbsorbingWallScene(ImpactScene):
     impact: ElasticImpactSection = ElasticImpactSection()
 
     def conflicts(self) -> Conflicts:
-        matched = ["wall.boundary = dashpot"] * (self.wall.boundary == "dashpot")
+        matched = []
+        if self.wall.boundary == "dashpot":
+            matched = ["wall.boundary = dashpot"]
         resets = bool(self.reset_interval)
         conflicts = super().conflicts() + time_conflicts(
             self.time, self.material, *matched, resets=resets
@@ -76,7 +78,8 @@ class AbsorbingWallScene(ImpactScene):
                 " impact.offset"
             )
             conflicts.append(("wall.width", text))
-        dt, interval = self.time.dt, self.reset_interval
+        dt = self.time.dt
+        interval = self.reset_interval
         if interval and dt != "auto" and dt > interval:
             conflicts.append(
                 (
@@ -122,7 +125,8 @@ class AbsorbingWallScene(ImpactScene):
         return self._over_wall(super().body())
 
     def _over_wall(self, disk: Lattice) -> Lattice:
-        spec, wall = self.lattice, self.wall
+        spec = self.lattice
+        wall = self.wall
         stiffness = self.wall_k_a / self.material.k_a
         return with_wall(
             disk,
@@ -143,12 +147,16 @@ class AbsorbingWallScene(ImpactScene):
 
     @property
     def reset_interval(self) -> float:
-        return self.wall.reset_interval if self.wall.boundary == "reset" else 0.0
+        if self.wall.boundary != "reset":
+            return 0.0
+        return self.wall.reset_interval
 
     @property
     def wall_k_a(self) -> float:
         """Linear spring constant of the wall [M c^2/R^2]."""
-        return self.material.k_a if self.wall.k_a == "same" else self.wall.k_a
+        if self.wall.k_a == "same":
+            return self.material.k_a
+        return self.wall.k_a
 
     @property
     def softer_k_a(self) -> float:

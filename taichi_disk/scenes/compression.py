@@ -133,7 +133,8 @@ class Compression(Scenario):
 
     step_dependent = False
     truncation_remedy = "write compression.method: newton"
-    symbol, end_words = "ξ", "at rest"
+    symbol = "ξ"
+    end_words = "at rest"
     momentary_label = ("compression ξ", "R")
     labels: ClassVar = {
         "xi": ("compression xi", "R"),
@@ -187,16 +188,11 @@ class Compression(Scenario):
         )
 
     def unfinished(self, columns: Columns) -> str:
-        end, wanted = (
-            {name: values[-1] for name, values in columns.items()},
-            self.scene.time.tolerance,
-        )
-        by_star = self.scene.material.viscosity == "auto"
-        best = (
-            "eta_star nearer to 100"
-            if by_star
-            else f"viscosity nearer to {100 / self.lattice.disk_points:.2g}"
-        )
+        end = {name: values[-1] for name, values in columns.items()}
+        wanted = self.scene.time.tolerance
+        best = "eta_star nearer to 100"
+        if self.scene.material.viscosity != "auto":
+            best = f"viscosity nearer to {100 / self.lattice.disk_points:.2g}"
         remedy = "use compression.method: newton, or set compression.max_time higher"
         low, high = self.end_bounds()["wall_force"]
         if (
@@ -234,16 +230,16 @@ class Compression(Scenario):
         # Dashpots slow the last roll down, theta ~ exp(-t/T) with T up to 10^4 R/c. xi
         # - xi_end falls like the angular momentum, so the last rows determine what is
         # missing.
-        t, spin = columns["t"], columns["angular_momentum"]
+        t = columns["t"]
+        spin = columns["angular_momentum"]
         distance = columns["com_y"] - columns["lowest_y"]
         before = int(np.searchsorted(t, t[-1] - self.quiet_time))
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = spin[-1] / spin[before]
-            remaining = (
-                float((distance[-1] - distance[before]) * ratio / (1.0 - ratio))
-                if 0.0 < ratio < 1.0
-                else 0.0
-            )
+        remaining = 0.0
+        if 0.0 < ratio < 1.0:
+            change = distance[-1] - distance[before]
+            remaining = float(change * ratio / (1.0 - ratio))
         end = float(distance[-1]) + remaining
         return {
             "xi": self.unloaded - end,
@@ -265,12 +261,16 @@ class Compression(Scenario):
         return self.unloaded - (row["com_y"] - row["lowest_y"])
 
     def last_motion(self, columns: Columns) -> float:
-        t, kinetic = columns["t"], columns["kinetic"]
+        t = columns["t"]
+        kinetic = columns["kinetic"]
         moving = np.flatnonzero(kinetic > AT_REST * kinetic.max())
-        return float(t[moving[-1]] if moving.size else t[-1])
+        if moving.size:
+            return float(t[moving[-1]])
+        return float(t[-1])
 
     def frame_times(self, columns: Columns, frames: int) -> Array:
-        t, kinetic = columns["t"], columns["kinetic"]
+        t = columns["t"]
+        kinetic = columns["kinetic"]
         visible = t[np.flatnonzero(kinetic >= 1e-4 * kinetic.max())[-1]]
         return distribute([0.0, min(visible, 0.5 * t[-1]), t[-1]], [0.85, 0.15], frames)
 
@@ -292,7 +292,8 @@ class Loading(Compression):
     of the full load."""
 
     static = True
-    time_label, pace = "fraction of the load P", ""
+    time_label = "fraction of the load P"
+    pace = ""
 
     def motion(self, columns: Columns) -> tuple[Array, str]:
         return columns["xi"], "compression ξ  [R]"

@@ -29,8 +29,12 @@ def time_conflicts(
         f"wall.friction = {friction:g}": friction,
     }
     forces = [*others, *(name for name, value in damping.items() if value)]
-    name, integrator, limits = time.integrator, INTEGRATORS.get(time.integrator), []
-    treatment = integrator.dashpots if integrator else "auto"
+    name = time.integrator
+    integrator = INTEGRATORS.get(time.integrator)
+    limits = []
+    treatment = "auto"
+    if integrator:
+        treatment = integrator.dashpots
     if treatment == "none" and forces:
         limits.append(
             f"cannot integrate velocity-dependent forces ({forces[0]}): write auto or"
@@ -50,12 +54,8 @@ def time_conflicts(
         )
     conflicts = [("time.integrator", f"{name} {limit}") for limit in limits]
     if time.tolerance != "none" and time.dt != "auto":
-        conflicts.append(
-            (
-                "time.tolerance",
-                f"chooses the time step itself: write time.dt: auto, not {time.dt:g}",
-            )
-        )
+        text = f"chooses the time step itself: write time.dt: auto, not {time.dt:g}"
+        conflicts.append(("time.tolerance", text))
     return conflicts
 
 

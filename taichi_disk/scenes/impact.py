@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from taichi_disk.computation.contact import CONTACT_LEVEL, contact_interval
-from taichi_disk.computation.scenario import Array, Scenario, distribute
+from taichi_disk.computation.scenario import Array, Scenario, signed, time_text
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Lattice, disk_of
 from taichi_disk.lattice.network import bending_compliance, network_stiffness
@@ -171,7 +171,8 @@ class ImpactScene(DiskScene):
         its disk turned and lifted there."""
         from taichi_disk.statics.equilibrium import turned
 
-        positions, n = body.positions.copy(), body.disk_points
+        positions = body.positions.copy()
+        n = body.disk_points
         if self.impact.turn:
             positions[:n] = turned(positions[:n], self.impact.turn)
         heights = positions[body.disk_surface, 1]
@@ -187,7 +188,8 @@ class ImpactScene(DiskScene):
 
     def _flight(self, lattice: Lattice) -> Array:
         """Return the velocities (n, 2) at the start [c]."""
-        impact, n = self.impact, lattice.disk_points
+        impact = self.impact
+        n = lattice.disk_points
         velocities = np.zeros_like(lattice.positions)
         velocities[:n] = impact.along, -impact.towards
         if impact.spin:
@@ -244,7 +246,8 @@ class ImpactScenario(Scenario):
 
     truncation_remedy = "a larger impact.gap ends it farther from the wall"
     is_thrown = True
-    symbol, end_words = "e", "the disk has left"
+    symbol = "e"
+    end_words = "the disk has left"
     labels: ClassVar = {
         "restitution": ("restitution e", ""),
         "contact_time": ("contact time", "R/c"),
@@ -296,13 +299,11 @@ class ImpactScenario(Scenario):
         # entirely.
         last = {name: float(values[-1]) for name, values in columns.items()}
         spin = last["angular_momentum"] / self.shape.inertia
-        rigid = 0.5 * (
-            last["com_vx"] ** 2 + last["com_vy"] ** 2 + self.shape.inertia * spin**2
-        )
+        speed2 = last["com_vx"] ** 2 + last["com_vy"] ** 2
+        rigid = 0.5 * (speed2 + self.shape.inertia * spin**2)
         vibration = max(last["kinetic"] + last["elastic"] - rigid, 0.0)
-        clear = self.gap + min(
-            np.sqrt(2.0 * vibration * self.shape.compliance), 2.0 * self.shape.radius
-        )
+        amplitude = np.sqrt(2.0 * vibration * self.shape.compliance)
+        clear = self.gap + min(amplitude, 2.0 * self.shape.radius)
         lowest = last["lowest_y"]
         if abs(spin) * self.shape.radius > last["com_vy"]:
             lowest = min(lowest, last["com_y"] - self.shape.radius)
@@ -311,9 +312,12 @@ class ImpactScenario(Scenario):
         return float(max(clear - lowest, 0.0)) / last["com_vy"]
 
     def unfinished(self, columns: Columns) -> str:
-        v, y = columns["com_vy"][-1], columns["lowest_y"][-1]
+        v = columns["com_vy"][-1]
+        y = columns["lowest_y"][-1]
         name, damped = self.scene.material.dashpots
-        lower = f", or lower material.{name}" if damped else ""
+        lower = ""
+        if damped:
+            lower = f", or lower material.{name}"
         return (
             f"the disk has not left the wall by t = {columns['t'][-1]:.6g} R/c (v_cm ="
             f" {v:.3g} c, lowest point at {y:.3g} R); set impact.max_time"
@@ -333,7 +337,8 @@ class ImpactScenario(Scenario):
     def reference_energy(self) -> float:
         """Initial kinetic energy [M c^2] without the part of the flight along the
         wall."""
-        lattice, disk = self.lattice, self.velocities[: self.lattice.disk_points]
+        lattice = self.lattice
+        disk = self.velocities[: self.lattice.disk_points]
         return self.kinetic + 0.5 * float(
             lattice.mean(((disk - lattice.mean(disk)) ** 2).sum(axis=1))
         )
@@ -352,19 +357,17 @@ class ImpactScenario(Scenario):
             "restitution": self._speed_after(columns) / self.speed_before,
             "contact_time": end - start,
         }
-        return found | (
-            oblique.along_the_wall(columns, self.outline, self.shape.inertia)
-            if self.scene.is_oblique
-            else {}
-        )
+        if self.scene.is_oblique:
+            inertia = self.shape.inertia
+            found |= oblique.along_the_wall(columns, self.outline, inertia)
+        return found
 
     def result_scales(self, columns: Columns) -> dict[str, float]:
         scales = {"restitution": 1.0, "contact_time": 0.0}
-        return scales | (
-            oblique.scales_along_the_wall(columns, self.outline, self.shape.inertia)
-            if self.scene.is_oblique
-            else {}
-        )
+        if self.scene.is_oblique:
+            inertia = self.shape.inertia
+            scales |= oblique.scales_along_the_wall(columns, self.outline, inertia)
+        return scales
 
     def _speed_after(self, columns: Columns) -> float:
         return float(
@@ -374,7 +377,7 @@ class ImpactScenario(Scenario):
     def marks(self, columns: Columns) -> tuple[str, str]:
         found = self.result(columns)
         return (
-            f"e = {found['restitution']:.5f}",
+            f"e = {found['restitution']:.4f}",
             f"contact time {found['contact_time']:.4g} R/c",
         )
 
@@ -383,55 +386,37 @@ class ImpactScenario(Scenario):
         return lost, "energy imbalance\n/ initial kinetic", "linear"
 
     def motion(self, columns: Columns) -> tuple[Array, str]:
-        label = "velocity of the centre\nof mass, $v_{cm}/v$"
+        label = "velocity of the centre  [v]"
         if self.scene.is_oblique:
-            label = "velocity away\nfrom the wall, $v_n/v_n(0)$"
+            label = "normal velocity  [initial]"
         return columns["com_vy"] / self.velocity, label
-
-    def frame_times(self, columns: Columns, frames: int) -> Array:
-        start, end = contact_interval(
-            columns["t"], columns["wall_force"], columns["com_vy"]
-        )
-        last = columns["t"][-1]
-        margin = 0.1 * (end - start)
-        first, second = (
-            max(start - margin, 0.1 * start),
-            min(end + margin, 0.9 * last + 0.1 * end),
-        )
-        # The film shows the contact in slow motion, and the flights before and after it
-        # briefly.
-        flights = [
-            min(0.5 * flight, 0.2 * (second - first))
-            for flight in (first, last - second)
-        ]
-        return distribute(
-            [0.0, first, second, last], [flights[0], second - first, flights[1]], frames
-        )
 
     def title(self) -> tuple[str, ...]:
         scene = self.scene
-        impact, friction = scene.impact, scene.wall.friction
-        start = f"    {impact.angle:g} rad from the normal" if impact.angle else ""
-        start += f"    spin {impact.spin:g} c/R" if impact.spin else ""
-        start += f"    μ = {friction:g}" if friction else ""
-        start += f"    turned by {impact.turn:g}" if impact.turn else ""
-        start += "    own velocities" if self.own_velocities else ""
-        return (
-            scene.heading,
-            (
-                f"v = {impact.velocity:g} c    {scene.damping}    a ="
-                f" {scene.wall.a:g}/R{start}"
-            ),
-            scene.described(self.lattice),
-        )
+        impact = scene.impact
+        friction = scene.wall.friction
+        words = [
+            f"v = {impact.velocity:g} c",
+            scene.damping,
+            f"a = {scene.wall.a:g}/R",
+        ]
+        if impact.angle:
+            words.append(f"{impact.angle:g} rad from the normal")
+        if impact.spin:
+            words.append(f"spin {impact.spin:g} c/R")
+        if friction:
+            words.append(f"μ = {friction:g}")
+        if impact.turn:
+            words.append(f"turned by {impact.turn:g}")
+        if self.own_velocities:
+            words.append("own velocities")
+        return scene.heading, "    ".join(words), scene.described(self.lattice)
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
-        time = f"t = {row['t']:7.3f} R/c"
+        time = time_text(row["t"])
         if not self.scene.is_oblique:
-            return time, f"velocity {row['com_vy'] / self.velocity:+.3f} v"
+            return time, f"{signed(row['com_vy'] / self.velocity)} v"
+        speed = self.scene.impact.velocity
+        across, up = signed(row["com_vx"] / speed), signed(row["com_vy"] / speed)
         spin = row["angular_momentum"] / self.shape.inertia
-        return (
-            time,
-            f"v {row['com_vx']:+.4f}, {row['com_vy']:+.4f} c",
-            f"spin {spin:+.4f} c/R",
-        )
+        return time, f"{across}, {up} v", f"spin {signed(spin, 3)} c/R"

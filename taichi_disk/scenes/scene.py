@@ -76,6 +76,14 @@ class DiskScene(Frozen):
         }
 
     @classmethod
+    def key_names(cls) -> list[str]:
+        """Return the names of all keys, without their sections."""
+        names: list[str] = []
+        for section in cls.sections().values():
+            names += section.schema()
+        return names
+
+    @classmethod
     def homes(cls, key: str) -> list[tuple[str, str]]:
         """Return (section, key) of every key with this name; a dotted name also names
         the section."""
@@ -89,34 +97,28 @@ class DiskScene(Frozen):
     def conflicts(self) -> Conflicts:
         """Return conflicts between keys that are valid by themselves; a kind adds its
         own."""
-        spec, material, usual = (
-            self.lattice,
-            self.material,
-            type(self).material.eta_star,
-        )
+        spec = self.lattice
+        material = self.material
+        usual = type(self).material.eta_star
         found: Conflicts = []
         if material.viscosity != "auto" and material.eta_star != usual:
-            both = (
+            text = (
                 f"{material.viscosity:g} and material.eta_star = {material.eta_star:g}"
-                " both set the dashpots"
+                " both set the dashpots: write auto, or leave material.eta_star at its"
+                f" default, {usual:g}"
             )
-            remedy = f"write auto, or leave material.eta_star at its default, {usual:g}"
-            found.append(("material.viscosity", f"{both}: {remedy}"))
+            found.append(("material.viscosity", text))
         if spec.file != "none":  # the file defines the whole lattice
             return found
         faults = circle_faults(spec.points, spec.hole, spec.core_radius)
         found += [(f"lattice.{key}", fault) for key, fault in faults]
         for key in ("core_stiffness", "core_density"):
             if not spec.core_radius and getattr(spec, key) != 1.0:
-                found.append(
-                    (
-                        f"lattice.{key}",
-                        (
-                            "there is no core: write lattice.core_radius, too, or leave"
-                            " this out"
-                        ),
-                    )
+                text = (
+                    "there is no core: write lattice.core_radius, too, or leave this"
+                    " out"
                 )
+                found.append((f"lattice.{key}", text))
         return found
 
     def unused(self) -> Collection[tuple[str, str]]:
@@ -138,30 +140,42 @@ class DiskScene(Frozen):
         keys.
         Raises InputError with all faults.
         """
-        data, others, given = asdict(self), dict[str, Any](), dict[str, str]()
+        data = asdict(self)
+        others = dict[str, Any]()  # faults, which `check` reports
+        setters = dict[str, str]()  # which name has set each dotted key
         for name, value in [*(changes or {}).items(), *keys.items()]:
-            homes = self.homes(name)
-            if len(homes) > 1:
-                raise InputError(
-                    f"{name}: write {either('.'.join(home) for home in homes)}"
-                )
-            section, key = homes[0] if homes else name.partition(".")[::2]
-            if section in self.sections() and (key or isinstance(value, Mapping)):
-                for part in {key: value} if key else value:
-                    path = f"{section}.{part}"
-                    if path in given:
-                        raise InputError(
-                            f"{given[path]} and {name} both set {path}: leave one of"
-                            " the two out"
-                        )
-                    given[path] = name
-                data[section] |= {key: value} if key else value
-            else:
+            section, key = self._home(name)
+            values = value
+            if key:
+                values = {key: value}
+            if section not in self.sections() or not isinstance(values, Mapping):
                 others[name] = value
+                continue
+            for one in values:
+                path = f"{section}.{one}"
+                if path in setters:
+                    raise InputError(
+                        f"{setters[path]} and {name} both set {path}: leave one of the"
+                        " two out"
+                    )
+                setters[path] = name
+            data[section] |= values
         tree = tree_of(data | others)
         found = check(tree, {self.scene: type(self)})
         tree.refuse()
         return cast("Self", found)
+
+    def _home(self, name: str) -> tuple[str, str]:
+        """Return (section, key) that `name` means; key is "" for a whole section."""
+        homes = self.homes(name)
+        if len(homes) > 1:
+            raise InputError(
+                f"{name}: write {either('.'.join(home) for home in homes)}"
+            )
+        if homes:
+            return homes[0]
+        section, _, key = name.partition(".")
+        return section, key
 
     def to_yaml(self, leave_out: Collection[str] = ()) -> str:
         """Return the scene as YAML with units, without the dotted keys `leave_out`;
@@ -170,12 +184,13 @@ class DiskScene(Frozen):
         for name, section in self.sections().items():
             lines.append(f"{name}:")
             for one, key in section.schema().items():
-                if f"{name}.{one}" not in leave_out:
-                    entry = f"  {one}: {yaml_scalar(getattr(getattr(self, name), one))}"
-                    lines.append(
-                        f"{entry:<32} #"
-                        f" {f'[{key.unit}] ' if key.unit else ''}{key.meaning}"
-                    )
+                if f"{name}.{one}" in leave_out:
+                    continue
+                entry = f"  {one}: {yaml_scalar(getattr(getattr(self, name), one))}"
+                meaning = key.meaning
+                if key.unit:
+                    meaning = f"[{key.unit}] {meaning}"
+                lines.append(f"{entry:<32} # {meaning}")
         return "\n".join(lines) + "\n"
 
     # ---- the computation
@@ -285,23 +300,23 @@ class DiskScene(Frozen):
     def notes(self, points: int) -> list[str]:
         """Return notes for the user, such as how viscous a body of `points` points
         is."""
-        (name, value), paper = self.material.dashpots, LatticeSection.points
+        name, value = self.material.dashpots
+        paper = LatticeSection.points
         if name == "viscosity" or not value or points == paper:
             return []
-        found = (
+        return [
             f"material.eta_star = {value:g} is per point: with {points:,} points the"
-            f" body is {paper / points:.3g}"
-        )
-        remedy = (
-            f"this changes e; material.viscosity = {value / paper:.3g} keeps the"
-            " damping"
-        )
-        return [f"{found} times as viscous as with the paper's {paper}; {remedy}"]
+            f" body is {paper / points:.3g} times as viscous as with the paper's"
+            f" {paper}; this changes e; material.viscosity = {value / paper:.3g} keeps"
+            " the damping"
+        ]
 
     @property
     def damping(self) -> str:
         name, value = self.material.dashpots
-        return f"η* = {value:g}" if name == "eta_star" else f"η = {value:g} Mc/R"
+        if name == "eta_star":
+            return f"η* = {value:g}"
+        return f"η = {value:g} Mc/R"
 
     def described(self, lattice: Lattice) -> str:
         return f"N = {lattice.disk_points:,}    {lattice.origin}"
@@ -348,7 +363,8 @@ def check(tree: Tree, kinds: Kinds) -> DiskScene | None:
 
 
 def _read(kind: str, tree: Tree, kinds: Kinds) -> DiskScene | None:
-    sections, read = kinds[kind].sections(), dict[str, Any]()
+    sections = kinds[kind].sections()
+    values = dict[str, dict[str, Any]]()
     for name, given in tree.value.items():
         entry = tree.entry((name,))
         if name == "scene":
@@ -356,34 +372,36 @@ def _read(kind: str, tree: Tree, kinds: Kinds) -> DiskScene | None:
         if name not in sections:
             tree.fault(entry.key, (name,), _unknown(kind, (name,), kinds))
         elif given is None:
-            tree.fault(
-                entry.value, (name,), "an empty section: give it a key, or leave it out"
-            )
+            text = "an empty section: give it a key, or leave it out"
+            tree.fault(entry.value, (name,), text)
         elif not isinstance(given, dict):
-            what = (
+            text = (
                 "must be a section, that is indented lines of key: value, not"
                 f" {entry.shown}"
             )
-            tree.fault(entry.value, (name,), what)
+            tree.fault(entry.value, (name,), text)
         else:
-            values = {
-                one: _value(kind, (name, one), value, tree, kinds)
-                for one, value in given.items()
+            values[name] = {
+                key: _value(kind, (name, key), value, tree, kinds)
+                for key, value in given.items()
             }
-            read[name] = (sections[name], values)
     if tree.faults:
         return None
-    scene: DiskScene = kinds[kind](
-        **{name: replace(section, **values) for name, (section, values) in read.items()}
-    )
-    for key, what in scene.conflicts():
+    changed: Any = {
+        name: replace(sections[name], **keys) for name, keys in values.items()
+    }
+    scene = kinds[kind](**changed)
+    for key, text in scene.conflicts():
         path = tuple(key.split("."))
-        tree.fault(tree.entry(path).value, path, what)
-    return None if tree.faults else scene
+        tree.fault(tree.entry(path).value, path, text)
+    if tree.faults:
+        return None
+    return scene
 
 
 def _value(kind: str, path: Keys, value: Any, tree: Tree, kinds: Kinds) -> Any:
-    key, entry = kinds[kind].sections()[path[0]].schema().get(path[1]), tree.entry(path)
+    key = kinds[kind].sections()[path[0]].schema().get(path[1])
+    entry = tree.entry(path)
     if key is None:
         tree.fault(entry.key, path, _unknown(kind, path, kinds))
     elif (
@@ -400,7 +418,9 @@ def _value(kind: str, path: Keys, value: Any, tree: Tree, kinds: Kinds) -> Any:
     elif path in (("lattice", "file"), ("lattice", "velocities")) and value != "none":
         # On the command line a path is relative to the working directory, in a scene
         # file to the folder of that file.
-        folder = "" if entry.value.rank else tree.folder
+        folder = tree.folder
+        if entry.value.rank:
+            folder = ""
         return os.path.realpath(os.path.join(folder, os.path.expanduser(value)))
     elif key.kind is float and not isinstance(value, str):
         return float(value)
@@ -408,32 +428,35 @@ def _value(kind: str, path: Keys, value: Any, tree: Tree, kinds: Kinds) -> Any:
 
 
 def _unknown(kind: str, path: Keys, kinds: Kinds) -> str:
-    section, *keys = path
-    if path[-1].lower() in UNITS:
-        return f"no key: {UNITS[path[-1].lower()]}"
-    having = {
-        name: one.sections()[section].schema()
-        for name, one in kinds.items()
-        if section in one.sections()
-    }
-    if others := [name for name, known in having.items() if known.keys() >= set(keys)]:
-        return f"belongs to scene: {either(others)}, not to scene: {kind}"
-    sections, word = kinds[kind].sections(), ALIASES.get(path[-1].lower(), path[-1])
-    siblings = list(having[kind]) if keys else ["scene", *sections]
-    # inside a section, suggest another section's key only if its name is exactly the
-    # same
-    if not keys:
-        word = (
-            nearest(
-                word,
-                [
-                    *siblings,
-                    *(key for one in sections.values() for key in one.schema()),
-                ],
-            )
-            or [word]
-        )[0]
-    if homes := kinds[kind].homes(word):
-        return f"unknown key; did you mean {either('.'.join(home) for home in homes)}?"
-    listed = f"; {section if keys else f'scene: {kind}'} has {', '.join(siblings)}"
-    return f"unknown key{did_you_mean(path[-1], siblings) or listed}"
+    """Return what is wrong with an unknown section, or an unknown key of a section."""
+    word = path[-1]
+    unit = UNITS.get(word.lower())
+    if unit:
+        return f"no key: {unit}"
+    owners = [name for name, one in kinds.items() if _has(one, path)]
+    if owners:
+        return f"belongs to scene: {either(owners)}, not to scene: {kind}"
+    meant = ALIASES.get(word.lower(), word)
+    sections = kinds[kind].sections()
+    if len(path) == 1:
+        place = f"scene: {kind}"
+        siblings = ["scene", *sections]
+        names = [*siblings, *kinds[kind].key_names()]
+        meant = (nearest(meant, names) or [meant])[0]
+    else:
+        place = path[0]
+        siblings = [*sections[place].schema()]
+    # inside a section, a key of another section only if its name is exactly the same
+    homes = [".".join(home) for home in kinds[kind].homes(meant)]
+    if homes:
+        return f"unknown key; did you mean {either(homes)}?"
+    hint = did_you_mean(word, siblings)
+    if hint:
+        return f"unknown key{hint}"
+    return f"unknown key; {place} has {', '.join(siblings)}"
+
+
+def _has(kind: type[DiskScene], path: Keys) -> bool:
+    """Return whether a kind of scene has the section or the key at `path`."""
+    section = kind.sections().get(path[0])
+    return section is not None and section.schema().keys() >= set(path[1:])

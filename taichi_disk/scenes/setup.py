@@ -54,12 +54,12 @@ def setup_of(scene: Scene) -> LatticeSetup:
     """Return the setup of the scene's lattice. Raises TaichiDiskError if there is no
     such lattice."""
     key = lattice_key(scene)
-    setup = _SETUPS[key] = _SETUPS.pop(key) if key in _SETUPS else LatticeSetup(scene)
-    while (
-        len(_SETUPS) > 1
-        and sum(len(one.body.masses) for one in _SETUPS.values()) > MAX_POINTS
-    ):
-        del _SETUPS[next(iter(_SETUPS))]
+    setup = _SETUPS.pop(key, None) or LatticeSetup(scene)
+    _SETUPS[key] = setup
+    points = sum(len(one.body.masses) for one in _SETUPS.values())
+    while points > MAX_POINTS and len(_SETUPS) > 1:
+        oldest = _SETUPS.pop(next(iter(_SETUPS)))
+        points -= len(oldest.body.masses)
     return setup
 
 

@@ -48,17 +48,16 @@ class Sweep:
     def to_yaml(self) -> str:
         """Return the sweep as YAML with all defaults; reading it gives an equal
         sweep."""
-        swept = {".".join(target_of(self.scenes[0], name) or ()) for name in self.axes}
+        first = self.scenes[0]
+        swept = [".".join(target_of(first, name) or ()) for name in self.axes]
         lines = ["sweep:"]
         for block in self.blocks:
-            written = [
-                f"{name}: [{', '.join(map(yaml_scalar, values))}]"
-                for name, values in block.items()
-            ]
-            lines += [
-                ("    " if k else "  - ") + line for k, line in enumerate(written)
-            ]
-        return self.scenes[0].to_yaml(leave_out=swept) + "\n".join(lines) + "\n"
+            start = "  - "
+            for name, values in block.items():
+                written = ", ".join(map(yaml_scalar, values))
+                lines.append(f"{start}{name}: [{written}]")
+                start = "    "
+        return first.to_yaml(leave_out=swept) + "\n".join(lines) + "\n"
 
 
 def target_of(scene: DiskScene | type[DiskScene], name: str) -> tuple[str, str] | None:
@@ -75,7 +74,8 @@ def value_of(scene: DiskScene, name: str) -> Any:
 def check_sweep(tree: Tree, kinds: Kinds) -> Sweep | None:
     """Return the sweep that the tree describes, or None if it has faults, which are
     added to the tree."""
-    section, name = tree.value.pop("sweep"), tree.value.get("scene")
+    section = tree.value.pop("sweep")
+    name = tree.value.get("scene")
     kind = kinds.get(name) if isinstance(name, str) else None
     listed = isinstance(section, list) and len(section) > 0
     blocks: list[Axes] = []
@@ -103,14 +103,10 @@ def _axes(
     taken: dict[Keys, str] = {}
     for name, spec in block.items():
         path = (*prefix, name)
-        mark, target = tree.entries[path].key, target_of(kind, name)
+        mark = tree.entries[path].key
+        target = target_of(kind, name)
         if target is None:
-            names = [
-                key
-                for section, one in kind.sections().items()
-                if section != "video"
-                for key in one.schema()
-            ]
+            names = [key for key in kind.key_names() if target_of(kind, key)]
             word = name.split(".")[-1]
             hint = did_you_mean(ALIASES.get(word.lower(), word), names)
             tree.fault(

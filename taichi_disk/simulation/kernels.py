@@ -63,10 +63,15 @@ class Kernels(Stepping):
         ti.loop_config(serialize=True)
         for _ in range(1):
             sums = ti.Vector([self.state.sums[k] for k in range(self.state.summed)])
-            made, row, needed, settled = 0, 0, counts[0], counts[1]
+            made = 0
+            row = 0
+            needed = counts[0]
+            settled = counts[1]
             while made < steps and settled < needed:
                 made += 1
-                elastic, upward, potential = 0.0, 0.0, 0.0
+                elastic = 0.0
+                upward = 0.0
+                potential = 0.0
                 sums, elastic, upward, potential = self.step(first + made, sums)
                 due = (first + made) % stride == 0
                 if due or made == steps:
@@ -78,7 +83,9 @@ class Kernels(Stepping):
                             inside = 0
                     settled = (settled + 1) * inside
                     row += 1
-            counts[1], counts[2], counts[3] = settled, made, row
+            counts[1] = settled
+            counts[2] = made
+            counts[3] = row
             for k in ti.static(range(self.state.summed)):
                 self.state.sums[k] = sums[k]
 
@@ -87,37 +94,39 @@ class Kernels(Stepping):
         """Let the mouse pull `point` (-1: none) towards (x, y), and return the added
         energy [M c^2]."""
         energy = self.mouse.untie(self.state)
-        self.mouse.point[0], self.mouse.target[0][0], self.mouse.target[1][0] = (
-            point,
-            x,
-            y,
-        )
+        self.mouse.point[0] = point
+        self.mouse.target[0][0] = x
+        self.mouse.target[1][0] = y
         energy += self.mouse.tie(self.state)
         return energy
 
     @ti.func
     def observe(self, rows: ti.template(), s, sums, elastic, upward, potential):
-        mass, sx, sy, svx, svy, spin = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        kinetic2, residual2 = 0.0, 0.0
-        force, energy, load = upward, potential, 0.0
+        mass = 0.0
+        moment = ti.Vector([0.0, 0.0])
+        momentum = ti.Vector([0.0, 0.0])
+        spin = 0.0
+        kinetic2 = 0.0
+        residual2 = 0.0
+        force = upward
+        energy = potential
+        load = 0.0
         lowest = self.state.x[1][0]
         for i in range(self.state.n[None]):
-            x, y = self.state.x[0][i], self.state.x[1][i]
-            m, f = self.state.mass[i], get(self.state.f, i)
+            x = get(self.state.x, i)
+            m = self.state.mass[i]
+            f = get(self.state.f, i)
             v = (
                 get(self.observed_velocities, i)
                 + self.state.observed[None] * self.state.inverse_mass[i] * f
             )
-            vx, vy = v[0], v[1]
             if i < self.state.n_disk[None]:
                 mass += m
-                sx += m * x
-                sy += m * y
-                svx += m * vx
-                svy += m * vy
-                spin += m * (x * vy - y * vx)
-                lowest = ti.min(lowest, y)
-                residual2 = ti.max(residual2, f[0] * f[0] + f[1] * f[1])
+                moment += m * x
+                momentum += m * v
+                spin += m * (x[0] * v[1] - x[1] * v[0])
+                lowest = ti.min(lowest, x[1])
+                residual2 = ti.max(residual2, f.dot(f))
                 if ti.static(self.rigid):
                     point_force = self.wall.at(self.state, i)
                     # without a force there is no potential
@@ -126,12 +135,13 @@ class Kernels(Stepping):
                         force += point_force[1]
                 for law in ti.static(self.loads):
                     load += law.potential_at(self.state, i)
-            kinetic2 += m * (vx * vx + vy * vy)
-        rows[s, INDEX["com_x"]] = sx / mass
-        rows[s, INDEX["com_y"]] = sy / mass
-        rows[s, INDEX["com_vx"]] = svx / mass
-        rows[s, INDEX["com_vy"]] = svy / mass
-        rows[s, INDEX["angular_momentum"]] = spin - (sx * svy - sy * svx) / mass
+            kinetic2 += m * v.dot(v)
+        orbital = (moment[0] * momentum[1] - moment[1] * momentum[0]) / mass
+        rows[s, INDEX["com_x"]] = moment[0] / mass
+        rows[s, INDEX["com_y"]] = moment[1] / mass
+        rows[s, INDEX["com_vx"]] = momentum[0] / mass
+        rows[s, INDEX["com_vy"]] = momentum[1] / mass
+        rows[s, INDEX["angular_momentum"]] = spin - orbital
         rows[s, INDEX["lowest_y"]] = lowest
         rows[s, INDEX["wall_force"]] = force
         rows[s, INDEX["kinetic"]] = 0.5 * kinetic2
@@ -142,9 +152,9 @@ class Kernels(Stepping):
         rows[s, INDEX["load"]] = load
         rows[s, INDEX["sliding"]] = sums[SLIDING]
         rows[s, INDEX["residual"]] = ti.sqrt(residual2)
-        rows[s, INDEX["friction"]] = (
-            sums[FRICTION] if ti.static(self.has_friction) else 0.0
-        )
+        rows[s, INDEX["friction"]] = 0.0
+        if ti.static(self.has_friction):
+            rows[s, INDEX["friction"]] = sums[FRICTION]
 
 
 @ti.data_oriented
@@ -177,7 +187,7 @@ class SubdomainKernels(Kernels):
         bounds: Array,
         counts: Counts,
     ) -> None:
-        needed, settled, made, count = (int(number) for number in counts)
+        needed, settled, made, count = counts.tolist()
         while made < steps and settled < needed:
             few = min(
                 steps - made, stride - (first + made) % stride, self.steps_per_launch
@@ -205,11 +215,9 @@ class SubdomainKernels(Kernels):
         elastic, products = self.springs.add(
             self.state, self.explicit, begin, self.state.subdomain_ends[c]
         )
-        self.parts[0][c], self.parts[1][c], self.parts[2][c] = (
-            peak_point_force,
-            elastic,
-            products,
-        )
+        self.parts[0][c] = peak_point_force
+        self.parts[1][c] = elastic
+        self.parts[2][c] = products
 
     @ti.func
     def join(self, stage: ti.template(), number):
@@ -233,7 +241,9 @@ class SubdomainKernels(Kernels):
             sums = self.account(number, sums, products)
         for k in ti.static(range(self.state.summed)):
             self.state.sums[k] = sums[k]
-        self.latest[0], self.latest[1], self.latest[2] = elastic, upward, potential
+        self.latest[0] = elastic
+        self.latest[1] = upward
+        self.latest[2] = potential
 
     @ti.kernel
     def advance_few(self, number: ti.i32, steps: ti.i32):

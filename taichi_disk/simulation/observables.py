@@ -9,14 +9,15 @@ import numpy as np
 from taichi_disk.lattice import Array
 
 Columns = dict[str, Array]  # the time series: one array (rows,) per column
+# velocity and flight; contrast to white at least 4.5, like all colours of COLUMNS
+VELOCITY = "#00806A"
 # Okabe and Ito's colours, which colour-blind readers can tell apart.
-BLUE, RED, GREEN, PINK, ORANGE, SKY = (
+BLUE, RED, GREEN, PINK, ORANGE = (
     "#0072B2",
     "#D55E00",
     "#009E73",
     "#CC79A7",
     "#E69F00",
-    "#56B4E9",
 )
 
 
@@ -64,18 +65,16 @@ COLUMNS = (
     Column(
         "kinetic", "M c²", "kinetic energy of the disk and an elastic wall", "energy"
     ),
-    Column("elastic", "M c²", "energy of the springs", "energy", "elastic", RED),
-    Column(
-        "wall", "M c²", "potential of the contact", "energy", "wall potential", ORANGE
-    ),
-    Column("dissipated", "M c²", "lost in dashpots", "loss", "lost in dashpots", GREEN),
+    Column("elastic", "M c²", "energy of the springs", "energy", "elastic", "#C23F00"),
+    Column("wall", "M c²", "potential of the contact", "energy", "wall", "#8F6500"),
+    Column("dissipated", "M c²", "lost in dashpots", "loss", "dashpots", "#1F6FB5"),
     Column(
         "absorbed",
         "M c²",
         "lost at the boundary of an elastic wall",
         "loss",
-        "lost at the boundary",
-        PINK,
+        "boundary",
+        "#B0478A",
     ),
     Column("total", "M c²", "sum of all energies and losses", "derived"),
     Column(
@@ -83,8 +82,8 @@ COLUMNS = (
         "M c²",
         "potential of the load and other forces",
         "energy",
-        "load potential",
-        "#A89A00",
+        "load",
+        "#6F7A00",
         "nonzero",
     ),
     Column(
@@ -92,8 +91,8 @@ COLUMNS = (
         "M c²",
         "lost where points pass from one spring of an elastic wall to the next",
         "loss",
-        "lost in sliding",
-        "#999999",
+        "sliding",
+        "#6B6B6B",
         "nonzero",
     ),
     Column(
@@ -101,13 +100,18 @@ COLUMNS = (
         "M c²",
         "lost in friction",
         "loss",
-        "lost in friction",
+        "friction",
         "#8C5A2B",
         "nonzero",
     ),
     Column("xi", "R", "Newton's method: compression under that load", "derived"),
     Column(
-        "translation", "M c²", "kinetic energy of the flight", "part", "flight", BLUE
+        "translation",
+        "M c²",
+        "kinetic energy of the flight",
+        "part",
+        "flight",
+        VELOCITY,
     ),
     Column(
         "rotation",
@@ -118,7 +122,12 @@ COLUMNS = (
         "#882255",
     ),
     Column(
-        "vibration", "M c²", "the rest of the kinetic energy", "part", "vibration", SKY
+        "vibration",
+        "M c²",
+        "the rest of the kinetic energy",
+        "part",
+        "vibration",
+        "#8E5BC0",
     ),
 )
 BY_NAME = {column.name: column for column in COLUMNS}

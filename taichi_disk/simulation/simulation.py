@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from copy import deepcopy
 from functools import lru_cache
+from math import inf
 from time import perf_counter
 from typing import Any
 
@@ -63,7 +64,9 @@ class Simulation:
         velocities: Array,
         dt: float,
     ) -> None:
-        self.integrator, self.model, self.generation = integrator, deepcopy(model), 0
+        self.integrator = integrator
+        self.model = deepcopy(model)
+        self.generation = 0
         self._program = engine.program()
         self.features = compiled_for(lattice, model)
         self.model.springs.prepare_for(lattice)
@@ -83,7 +86,9 @@ class Simulation:
             self.model,
             integrator.correction != 0.0,
         )
-        components = 1 if model.impedance is None else 2
+        components = 1
+        if model.impedance is not None:
+            components = 2
         solver: DashpotSolver | None = None
         if isinstance(factor, Diagonal):
             solver = IterativeSolver(
@@ -97,12 +102,11 @@ class Simulation:
         elif factor is not None:
             solver = DashpotSolver(builder, self._capacity, components)
         parts = self.state, self.model, integrator, solver
-        large = self.subdomains > 1
-        self.kernels = (
-            SubdomainKernels(*parts, builder, self.subdomains)
-            if large
-            else Kernels(*parts)
-        )
+        self.kernels: Kernels
+        if self.subdomains > 1:
+            self.kernels = SubdomainKernels(*parts, builder, self.subdomains)
+        else:
+            self.kernels = Kernels(*parts)
         self._tree = builder.finalize()
         self._start(lattice, model, velocities, dt, arrangement, factor)
 
@@ -140,7 +144,9 @@ class Simulation:
     def _factor(self, lattice: Lattice, model: Model, dt: float) -> Dashpots:
         if not (model.springs.damped and self.integrator.dashpots == "implicit"):
             return None
-        return (diagonal if iterates(lattice, model) else factorise)(lattice, model, dt)
+        if iterates(lattice, model):
+            return diagonal(lattice, model, dt)
+        return factorise(lattice, model, dt)
 
     def _start(
         self,
@@ -153,26 +159,17 @@ class Simulation:
     ) -> None:
         for law, new in zip(self.model.laws, model.laws, strict=True):
             law.take_values(new)
-        self.lattice, self.dt, self._arrangement, self.step_number = (
-            lattice,
-            dt,
-            arrangement,
-            0,
-        )
+        self.lattice = lattice
+        self.dt = dt
+        self._arrangement = arrangement
+        self.step_number = 0
         self.generation += 1
-        state, solver, laws = self.state, self.kernels.solver, self.model.laws
-        # kinetic energy of the flight towards the wall
-        flight = 0.5 * float(lattice.mean(v[:, 1])) ** 2
-        contact = (
-            CONTACT_ENERGY * flight * model.wall.added_stiffness(1.0)
-            if model.wall
-            else float("inf")
-        )
+        state = self.state
         numbers: list[tuple[Any, float]] = [
             (state.h, dt),
             (state.closing, self.integrator.kicks[-1] * dt),
             (state.observed, self.integrator.observed_kick * dt),
-            (state.contact, contact),
+            (state.contact, _contact_force(lattice, model, v)),
             (state.n, len(lattice.positions)),
             (state.n_disk, lattice.disk_points),
             (state.blocks, len(arrangement.ends) // BLOCK),
@@ -182,11 +179,11 @@ class Simulation:
         contents = state.contents(
             lattice, arrangement, self._vectors(lattice, model, v)
         )
-        for law in laws:
+        for law in self.model.laws:
             numbers += law.numbers()
             contents += law.contents(lattice, arrangement)
-        if solver is not None:
-            contents += solver.contents(factor)
+        if self.kernels.solver is not None:
+            contents += self.kernels.solver.contents(factor)
         state.begin(numbers, contents)
         rows = np.empty((1, len(INDEX)))
         self.kernels.advance(
@@ -195,22 +192,22 @@ class Simulation:
         self.first_row = self.now = rows[0]
 
     def _vectors(self, lattice: Lattice, model: Model, v: Array) -> list[Array]:
-        x, c = lattice.positions, self.integrator.correction * self.dt**2
-        zero, mass = np.zeros_like(x), lattice.masses[:, None]
-        if not c:
+        """Return the vectors (n, 2) of the state at t = 0, as `Snapshot` lists them."""
+        x = lattice.positions
+        zero = np.zeros_like(x)
+        if not self.state.corrected:
             return [x, v, zero, v][: len(self.state.vectors)]
-        a, before, after = (
-            model.forces_moving(lattice, x + t * v, zero) / mass
-            for t in (0.0, -DIFFERENCE_TIME, DIFFERENCE_TIME)
-        )
+
+        def acceleration(t: float) -> Array:
+            forces = model.forces_moving(lattice, x + t * v, zero)
+            return forces / lattice.masses[:, None]
+
+        c = self.integrator.correction * self.dt**2
+        a = acceleration(0.0)
+        change = acceleration(DIFFERENCE_TIME) - acceleration(-DIFFERENCE_TIME)
+        v_corrected = v + 0.5 * c / DIFFERENCE_TIME * change
         observed = v - self.integrator.observed_kick * self.dt * a
-        return [
-            x,
-            v + 0.5 * c / DIFFERENCE_TIME * (after - before),
-            zero,
-            observed,
-            x - c * a,
-        ]
+        return [x, v_corrected, zero, observed, x - c * a]
 
     # ---- time
 
@@ -239,10 +236,11 @@ class Simulation:
         rows = np.empty(
             ((self.step_number % stride + steps) // stride + 1, self.now.size)
         )
-        bounds = bounds_array({}) if bounds is None else bounds
+        if bounds is None:
+            bounds = bounds_array({})
         counts = np.array([needed, settled, 0, 0], np.int32)
         self.kernels.advance(self.step_number, steps, stride, rows, bounds, counts)
-        settled, made, count = (int(number) for number in counts[1:])
+        _, settled, made, count = counts.tolist()
         self.step_number += made
         if steps:
             self.now = rows[count - (self.step_number % stride == 0)]
@@ -352,8 +350,19 @@ def iterates(lattice: Lattice, model: Model) -> bool:
     return model.springs.damped and len(lattice.positions) > LARGEST_FACTORISED
 
 
+def _contact_force(lattice: Lattice, model: Model, v: Array) -> float:
+    """Return the force of the wall on one point at which contact begins [M c^2/R]."""
+    if model.wall is None:
+        return inf
+    # of the flight towards the wall
+    kinetic_energy = 0.5 * float(lattice.mean(v[:, 1])) ** 2
+    return CONTACT_ENERGY * kinetic_energy * model.wall.added_stiffness(1.0)
+
+
 def _needed(lattice: Lattice, arrangement: Arrangement, factor: Dashpots) -> Capacity:
-    entries = len(factor.row) if isinstance(factor, Factor) else 0
+    entries = 0
+    if isinstance(factor, Factor):
+        entries = len(factor.row)
     return Capacity(len(lattice.positions), len(arrangement.ends) // BLOCK, entries)
 
 

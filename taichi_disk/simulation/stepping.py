@@ -7,6 +7,7 @@ closing f_k (v_{k-1/2} in leapfrog).
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -63,7 +64,9 @@ class Snapshot:
 
     def velocities(self, integrator: Integrator, dt: float, lattice: Lattice) -> Array:
         """Return the velocities (n, 2) at the step, after its last kick [c]."""
-        v, f = self.vectors[3 if integrator.correction else 1], self.vectors[2]
+        _, v, f = self.vectors[:3]
+        if integrator.correction:
+            v = self.vectors[3]
         # dividing first gives the rounding of the kernels
         inverse_mass = 1.0 / lattice.masses[:, None]
         return np.asarray(v + integrator.observed_kick * dt * inverse_mass * f)
@@ -122,7 +125,8 @@ class PointFields:
     def contents(
         self, lattice: Lattice, arrangement: Arrangement, start: Sequence[Array]
     ) -> Contents:
-        n, masses = len(lattice.masses), lattice.masses
+        n = len(lattice.masses)
+        masses = lattice.masses
         vectors = np.zeros((n + self.fillers, len(self.vectors), 2))
         for k, values in enumerate(start):
             vectors[:n, k] = values
@@ -130,7 +134,7 @@ class PointFields:
         vectors[n + 1 :: 2, 0, 0] = 1.0
         return [
             ((self.mass, self.inverse_mass), np.stack([masses, 1.0 / masses], axis=1)),
-            (tuple(component for pair in self.vectors for component in pair), vectors),
+            (tuple(chain.from_iterable(self.vectors)), vectors),
             ((self.sums,), np.zeros(self.summed)),
             ((self.subdomain_ends,), arrangement.subdomain_ends),
         ]
@@ -142,12 +146,12 @@ class PointFields:
         self.scalars = [field for field, _ in numbers]
         self.fields = [fields for fields, _ in contents]
         scalars = np.array([number for _, number in numbers], np.float64)
-        arrays = [np.asarray(values, np.float64).ravel() for _, values in contents]
-        rows = []
-        for values, fields in zip(arrays, self.fields, strict=True):
-            rows.append(len(values) // len(fields))
-            check_room(fields, rows[-1])
-        self._begin(scalars, np.array(rows, np.int32), np.concatenate(arrays))
+        arrays = [np.asarray(values, np.float64) for _, values in contents]
+        for fields, values in zip(self.fields, arrays, strict=True):
+            check_room(fields, len(values))
+        rows = np.array([len(values) for values in arrays], np.int32)
+        values = np.concatenate([values.ravel() for values in arrays])
+        self._begin(scalars, rows, values)
 
     @ti.kernel
     def _begin(self, numbers: Reals1, rows: Integers1, values: Reals1):
@@ -155,7 +159,8 @@ class PointFields:
             self.scalars[k][None] = ti.cast(numbers[k], self.scalars[k].dtype)
         ti.loop_config(serialize=True)
         for _ in range(1):
-            at, i = 0, 0
+            at = 0
+            i = 0
             for k in ti.static(range(len(self.fields))):
                 i = 0
                 # LLVM would vectorise a `for`, which takes longer than this loop
@@ -168,7 +173,8 @@ class PointFields:
                     i += 1
 
     def export(self, n: int, step: int) -> Snapshot:
-        vectors, sums = np.zeros((len(self.vectors), n, 2)), np.zeros(self.summed)
+        vectors = np.zeros((len(self.vectors), n, 2))
+        sums = np.zeros(self.summed)
         self._copy(vectors, sums, False)
         return Snapshot(step, vectors, sums)
 
@@ -210,26 +216,28 @@ class Stepping:
         integrator: Integrator,
         solver: DashpotSolver | None,
     ) -> None:
-        self.state, self.integrator, self.solver = state, integrator, solver
+        self.state = state
+        self.integrator = integrator
+        self.solver = solver
         laws: Any = model  # no kernel uses a law that is absent
-        self.springs, self.wall, self.mouse, self.boundary = (
-            laws.springs,
-            laws.wall,
-            laws.mouse,
-            laws.boundary,
-        )
-        self.contact, self.has_friction = model.elastic is not None, model.has_friction
+        self.springs = laws.springs
+        self.wall = laws.wall
+        self.mouse = laws.mouse
+        self.boundary = laws.boundary
+        self.contact = model.elastic is not None
+        self.has_friction = model.has_friction
         self.rigid = model.wall is not None and not self.contact
         self.loads = tuple(law for law in model.body_forces if law is not model.wall)
         # before their last kick
-        self.observed_velocities = state.u if state.corrected else state.v
-        self.damped, self.implicit = model.springs.damped, solver is not None
+        self.observed_velocities = state.v
+        if state.corrected:
+            self.observed_velocities = state.u
+        self.damped = model.springs.damped
+        self.implicit = solver is not None
         self.explicit = self.damped and not self.implicit
-        self.pinned, self.matched, self.reset = (
-            model.is_pinned,
-            model.impedance is not None,
-            model.reset_interval > 0.0,
-        )
+        self.pinned = model.is_pinned
+        self.matched = model.impedance is not None
+        self.reset = model.reset_interval > 0.0
 
     # ---- forces
 
@@ -253,13 +261,8 @@ class Stepping:
                     put(self.state.x, i, get(self.state.X, i))
                     # V = v - h^2/12 da/dt, where da/dt is the difference of the
                     # accelerations of two steps
-                    put(
-                        self.state.u,
-                        i,
-                        v
-                        + (self.state.closing[None] - self.state.observed[None])
-                        * acceleration,
-                    )
+                    rest = self.state.closing[None] - self.state.observed[None]
+                    put(self.state.u, i, v + rest * acceleration)
                 elif shift != 0.0:
                     put(self.state.x, i, get(self.state.X, i) + shift * acceleration)
             else:
@@ -273,7 +276,8 @@ class Stepping:
     def body_force(self, i):
         """Set `f` of point i to the forces on single points, and return the rigid
         wall's upward force on it."""
-        force, point_force = ti.Vector([0.0, 0.0]), 0.0
+        force = ti.Vector([0.0, 0.0])
+        point_force = 0.0
         if ti.static(self.rigid):
             force = self.wall.at(self.state, i)
             point_force = force[1]
@@ -299,8 +303,10 @@ class Stepping:
         rigid wall's largest force on one point. Returns sums, and force and potential
         of the contact with the elastic wall.
         """
-        result, peak_point_force = sums, rigid_peak
-        upward, potential = 0.0, 0.0
+        result = sums
+        peak_point_force = rigid_peak
+        upward = 0.0
+        potential = 0.0
         if ti.static(self.contact):
             sliding = 0.0
             upward, potential, peak_point_force, sliding = self.wall.add(
@@ -322,15 +328,21 @@ class Stepping:
         Step 0 moves nothing: it computes the forces at t = 0 from x_0 and v_0 (in `v`
         and `u`) and subtracts the last kick of a preceding step.
         """
-        sums, h = before, self.elapsed(number, self.state.h[None])
-        elastic, products, upward, potential = 0.0, 0.0, 0.0, 0.0
+        sums = before
+        h = self.elapsed(number, self.state.h[None])
+        elastic = 0.0
+        products = 0.0
+        upward = 0.0
+        potential = 0.0
         if ti.static(self.integrator.forces == 1):
             sums, elastic, products, upward, potential = self.stage(h, h, 0.0, sums)
         else:
             last = ti.static(self.integrator.forces - 1)
             # This is a loop, because four inlined stages compile slowly.
             for k in range(ti.select(number > 0, 0, last), last + 1):
-                kick, move, shift = 0.0, 0.0, 0.0
+                kick = 0.0
+                move = 0.0
+                shift = 0.0
                 for s in ti.static(range(self.integrator.forces)):
                     if k == s:
                         kick, move, shift = self.integrator.stages[s]
@@ -360,11 +372,12 @@ class Stepping:
 
         `products`: see `Springs.add`. Returns sums.
         """
-        h, closing = (
-            self.elapsed(number, self.state.h[None]),
-            self.elapsed(number, self.state.closing[None]),
-        )
-        power, cross, late, boundary_power = 0.0, 0.0, 0.0, 0.0
+        h = self.elapsed(number, self.state.h[None])
+        closing = self.elapsed(number, self.state.closing[None])
+        power = 0.0
+        cross = 0.0
+        late = 0.0
+        boundary_power = 0.0
         if ti.static(self.explicit):
             power = self.springs.eta_now[None] * products
         if ti.static(self.implicit):
@@ -376,7 +389,10 @@ class Stepping:
         elif ti.static(self.matched):
             boundary_power = self.boundary.damp(self.state, 0.5 * h)
         result = sums
-        p0, p1, b0, b1 = sums[POWER], power, sums[BOUNDARY_POWER], boundary_power
+        p0 = sums[POWER]
+        p1 = power
+        b0 = sums[BOUNDARY_POWER]
+        b1 = boundary_power
         # Leapfrog conserves E + h^2 E_2 + O(h^4). A dashpot g takes g int(x1^2 + c h^2
         # x2^2) of it, not g int(x1^2); xn is the n-th derivative; c = 2/3 if the
         # velocity is predicted, 1/6 if it is centred, -1/6 if it is solved for. The

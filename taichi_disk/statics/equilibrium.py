@@ -18,7 +18,9 @@ from taichi_disk.signals import raise_if_interrupted
 _EPS = float(np.finfo(np.float64).eps)
 _TOLERANCE = 1e-12  # largest residual force over the load on a point
 # shifts over the largest diagonal element of the stiffness
-_FIRST_SHIFT, _MIN_SHIFT, _MAX_SHIFT = 1e-5, 1e-12, 1e6
+_FIRST_SHIFT = 1e-5
+_MIN_SHIFT = 1e-12
+_MAX_SHIFT = 1e6
 _MAX_ROLL = 0.1  # largest rotation in a Newton step [rad]
 _TIP_ANGLE = 1e-3  # rotation of a disk that is balanced on a tip [rad]
 

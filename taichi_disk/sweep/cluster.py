@@ -9,7 +9,7 @@ from concurrent.futures import CancelledError, Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any
 
-from taichi_disk.errors import InputError, SimulationError, pip_install
+from taichi_disk.errors import InputError, SimulationError, install_extra
 
 CONNECT_TIMEOUT = 8.0  # how long a scheduler may take to answer [s]
 
@@ -26,8 +26,7 @@ class Cluster:
             import distributed  # noqa: F401
         except ImportError:
             raise InputError(
-                "Dask needs the package distributed:"
-                f" {pip_install('taichi-disk[cluster]')}"
+                f"Dask needs the package distributed: {install_extra('cluster')}"
             ) from None
         try:
             workers = self._workers()

@@ -34,6 +34,8 @@ class PointResult:
     numbers: dict[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     estimated: bool = False  # whether an error estimate was requested
+    # of the packages that computed the result
+    versions: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -134,4 +136,10 @@ def _computed(scene: Scene, estimate: bool) -> PointResult:
     for name, value in numbers.items():
         if isinstance(value, float) and not isfinite(value):
             return PointResult("failed", f"{name} is not a finite number")
-    return PointResult("done", None, numbers, summary["warnings"], estimate)
+    return PointResult(
+        status="done",
+        numbers=numbers,
+        warnings=summary["warnings"],
+        estimated=estimate,
+        versions=versions(),
+    )

@@ -4,15 +4,27 @@ import { Controls } from "./controls.js";
 import { Drawing, bytes, centroid, decoded } from "./draw.js";
 import { followPointers } from "./gestures.js";
 import { checked, element, elements } from "./html.js";
+import { arrow, line } from "./legend.js";
+
+const VELOCITY_ARROW = 0.7; // length of the arrow of the speed before an impact [R]
+const SLOW = 0.02; // a smaller part of that speed has no arrow
+const PANELS = ["velocity of the centre", "wall force", "energy"];
+const COMING = { light: "#b8b8b7", dark: "#54575e" }; // colours of curves still to come
+const NARROW = matchMedia("(max-width: 599px)"); // compared disks stand one above the other
 
 // The states of one run.
 class Recording {
   constructor(run, data) {
-    const array = (name, Kind) => new Kind(data, ...run.arrays[name]), { points, disk_points } = run.scene;
+    const array = (name, Kind) => new Kind(data, ...run.arrays[name]);
+    const { points, disk_points } = run.scene;
     this.run = run;
-    for (const name of ["motion", "forces", "centres"]) this[name] = array(name, Float32Array);
-    // Numbers are differences from the state before; all low bytes of displacements come before the high bytes.
-    const halves = array("displacements", Uint8Array), count = halves.length / 2;
+    for (const name of ["motion", "forces", "centres", "velocities"]) {
+      this[name] = array(name, Float32Array);
+    }
+    // Numbers are differences from the state before; all low bytes of displacements come before
+    // the high bytes.
+    const halves = array("displacements", Uint8Array);
+    const count = halves.length / 2;
     this.displacements = new Int16Array(count);
     for (let i = 0; i < count; i++) {
       const before = i < 2 * points ? 0 : this.displacements[i - 2 * points];
@@ -20,8 +32,9 @@ class Recording {
     }
     this.codes = {};
     for (const name of Object.keys(run.limits)) {
-      const codes = (this.codes[name] = array(name, Uint8Array));
+      const codes = array(name, Uint8Array);
       for (let i = points; i < codes.length; i++) codes[i] += codes[i - points];
+      this.codes[name] = codes;
     }
     this.rest = decoded(run.scene.rest, Float32Array);
     this.centre = centroid(this.rest, disk_points);
@@ -31,75 +44,238 @@ class Recording {
 
   // Return the state at a place in the list of states; between two states it is interpolated.
   state(place, quantity) {
-    const { run, rest, centre, displacements, x, values } = this, { points, disk_points } = run.scene;
-    const k = Math.min(Math.floor(place), run.states - 1), next = Math.min(k + 1, run.states - 1), part = place - k;
-    const mixed = (array, width, i) => (1 - part) * array[k * width + i] + part * array[next * width + i];
-    const [cx, cy, angle] = [0, 1, 2].map((i) => mixed(this.motion, 3, i));
-    const cos = Math.cos(angle), sin = Math.sin(angle);
-    for (let i = 0; i < 2 * points; i++) x[i] = rest[i] + run.unit * mixed(displacements, 2 * points, i);
+    const { run, x } = this;
+    const k = Math.min(Math.floor(place), run.states - 1);
+    const next = Math.min(k + 1, run.states - 1);
+    const part = place - k;
+    const mixed = (array, width, i) =>
+      (1 - part) * array[k * width + i] + part * array[next * width + i];
+    this.move(mixed);
+    this.colour(mixed, quantity);
+    const now = [0, 1].map((i) => mixed(this.centres, 2, i));
+    const past = (_, n) => this.centres.subarray(2 * n, 2 * n + 2);
+    return {
+      t: place,
+      x,
+      values: this.values,
+      limit: run.limits[quantity].limit,
+      forces: this.forces.subarray(3 * run.first[k], 3 * run.first[k + 1]),
+      fullForce: run.scene.full_force,
+      path: [...Array.from({ length: k + 1 }, past), now],
+      row: { com_x: now[0], com_y: now[1] },
+      velocity: [0, 1].map((i) => mixed(this.velocities, 2, i) / (run.full_speed || 1)),
+    };
+  }
+
+  // Set the positions `x`.
+  move(mixed) {
+    const { run, rest, centre, displacements, x } = this;
+    const { points, disk_points } = run.scene;
+    const cx = mixed(this.motion, 3, 0);
+    const cy = mixed(this.motion, 3, 1);
+    const angle = mixed(this.motion, 3, 2);
+    const cos = Math.cos(angle);
+    const sin = Math.sin(angle);
+    for (let i = 0; i < 2 * points; i++) {
+      x[i] = rest[i] + run.unit * mixed(displacements, 2 * points, i);
+    }
     for (let i = 0; i < 2 * disk_points; i += 2) {
-      const dx = x[i] - centre[0], dy = x[i + 1] - centre[1];
+      const dx = x[i] - centre[0];
+      const dy = x[i + 1] - centre[1];
       x[i] = cx + cos * dx - sin * dy;
       x[i + 1] = cy + sin * dx + cos * dy;
     }
-    const { limit, range, signed } = run.limits[quantity], [zero, levels] = signed ? [127, 127] : [0, 255];
-    for (let i = 0; i < points; i++) values[i] = (range * (mixed(this.codes[quantity], points, i) - zero)) / levels;
-    const now = [0, 1].map((i) => mixed(this.centres, 2, i));
-    const path = Array.from({ length: k + 1 }, (_, n) => this.centres.subarray(2 * n, 2 * n + 2));
-    const forces = this.forces.subarray(3 * run.first[k], 3 * run.first[k + 1]), row = { com_x: now[0], com_y: now[1] };
-    return { t: place, x, values, limit, forces, fullForce: run.scene.full_force, path: [...path, now], row };
+  }
+
+  // Set the values of the coloured quantity.
+  colour(mixed, quantity) {
+    const { points } = this.run.scene;
+    const { range, signed } = this.run.limits[quantity];
+    const zero = signed ? 127 : 0;
+    const levels = signed ? 127 : 255;
+    const codes = this.codes[quantity];
+    for (let i = 0; i < points; i++) {
+      this.values[i] = (range * (mixed(codes, points, i) - zero)) / levels;
+    }
   }
 }
 
-async function play() {
-  const ui = elements(document), packed = new Blob([bytes(ui.states.textContent)]).stream();
-  const data = await new Response(packed.pipeThrough(new DecompressionStream("deflate"))).arrayBuffer();
+// Draws the disk of one run. Disks that stand one above the other share the scale of the lowest.
+class Pane extends Drawing {
+  hasLegend = true;
+
+  get footer() {
+    return this.hasLegend ? super.footer : 0;
+  }
+
+  drawLegend(state, theme) {
+    if (this.hasLegend) super.drawLegend(state, theme);
+  }
+
+  // Draw the velocity of the centre of mass, in parts of the speed before the impact.
+  drawVelocity(centre, [vx, vy], theme) {
+    if (Math.hypot(vx, vy) < SLOW) return;
+    const tip = [centre[0] + VELOCITY_ARROW * vx, centre[1] + VELOCITY_ARROW * vy];
+    const { velocityColour } = this.options;
+    const ends = [this.toScreen(...centre), this.toScreen(...tip)];
+    arrow(this.context, ...ends, 5, velocityColour, theme.ground);
+  }
+}
+
+// Curves of the velocity, the force and the energies, grey where they are still to come.
+class Curves {
+  constructor(canvas, curves) {
+    this.canvas = canvas;
+    this.panels = PANELS.map((title, k) => ({
+      title,
+      curves: curves.filter(({ panel }) => panel === k),
+    }));
+  }
+
+  draw(place, theme, colours) {
+    const { canvas, panels } = this;
+    const { clientWidth: width, clientHeight: height } = canvas;
+    canvas.width = width * devicePixelRatio;
+    canvas.height = height * devicePixelRatio;
+    const ctx = canvas.getContext("2d");
+    ctx.scale(devicePixelRatio, devicePixelRatio);
+    const isTall = height > width;
+    const across = isTall ? width : width / panels.length;
+    const down = isTall ? height / panels.length : height;
+    panels.forEach((panel, k) => {
+      const left = isTall ? 12 : k * across + 12;
+      const top = isTall ? k * down : 0;
+      this.drawPanel(ctx, panel, [left, top, across - 24, down], place, theme, colours);
+    });
+  }
+
+  drawPanel(ctx, { title, curves }, [left, top, width, height], place, theme, colours) {
+    const values = curves.flatMap((one) => one.values);
+    const high = values.reduce((most, value) => Math.max(most, value), 0);
+    const low = values.reduce((least, value) => Math.min(least, value), 0);
+    const count = curves[0].values.length - 1;
+    const isDark = theme === "dark";
+    const column = (k) => left + (width * k) / count;
+    const row = (value) => top + 22 + ((high - value) / (high - low || 1)) * (height - 30);
+    ctx.font = "12px system-ui, sans-serif";
+    ctx.fillStyle = colours.ink;
+    ctx.fillText(title, left, top + 13);
+    let end = left + ctx.measureText(title).width + 10;
+    line(ctx, [[left, row(0)], [left + width, row(0)]], colours.rule, 1);
+    for (const { name, values, colours: inks, run } of curves) {
+      const points = values.map((value, k) => [column(k), row(value)]);
+      const ink = inks[Number(isDark)];
+      const dash = run ? [5, 3] : [];
+      const now = [column(place), row(values[Math.round(place)])];
+      const next = Math.floor(place) + 1;
+      line(ctx, points.slice(next - 1), COMING[theme], 1.6, dash);
+      line(ctx, [...points.slice(0, next), now], ink, 2, dash);
+      ctx.fillStyle = ink;
+      if (end + ctx.measureText(name).width < left + width) ctx.fillText(name, end, top + 13);
+      end += ctx.measureText(name).width + 8;
+    }
+    line(ctx, [[column(place), top + 20], [column(place), top + height - 6]], colours.faint, 1);
+  }
+}
+
+async function unpacked(text) {
+  const stream = new Blob([bytes(text)]).stream();
+  const inflated = stream.pipeThrough(new DecompressionStream("deflate"));
+  const data = await new Response(inflated).arrayBuffer();
   const length = new Uint32Array(data, 0, 1)[0];
-  const { runs, cues, fps } = JSON.parse(new TextDecoder().decode(data.slice(4, 4 + length)));
-  const { scene } = runs[0], last = cues.length - 1, plain = (text) => text.replace(/^\*/, "");
+  const head = JSON.parse(new TextDecoder().decode(data.slice(4, 4 + length)));
+  return { head, data: data.slice(4 + length) };
+}
+
+// Return the elements of one line of a caption. A blank line keeps its height.
+function captionLine(text) {
+  const plain = `${text.replace(/^[*+]/, "")}\u00a0\n`;
+  if (text.startsWith("+")) return element("em", { className: "motion" }, plain);
+  return element(text.startsWith("*") ? "b" : "em", {}, plain);
+}
+
+async function play() {
+  const ui = elements(document);
+  const { head, data } = await unpacked(ui.states.textContent);
+  const { runs, cues, fps } = head;
+  const { scene } = runs[0];
+  const last = cues.length - 1;
   const settings = { ...scene.options, speed: 1 };
-  let place = 0, before = 0, isPlaying, isVisible = true, isUsed = window.top === window;
+  const curves = new Curves(ui.curves, head.curves);
+  const velocityColours = head.curves[0].colours;
+  let place = 0;
+  let before = 0;
+  let isPlaying;
+  let isVisible = true;
+  let isUsed = window.top === window;
 
   const panes = runs.map((run) => {
-    const [name, ...lines] = run.scene.title, caption = element("p"), canvas = element("canvas", { role: "img" });
+    const [name, ...lines] = run.scene.title;
+    const caption = element("p");
+    const canvas = element("canvas", { role: "img" });
     canvas.ariaLabel = run.scene.title.join(", ");
-    const title = element("div", {}, element("h1", {}, name), element("p", { className: "faint" }, lines.join("\n")));
-    ui.disks.append(element("figure", {}, element("figcaption", {}, title, caption), canvas));
-    const drawing = new Drawing(canvas);
+    const words = element("p", { className: "faint" }, lines.join("\n"));
+    const title = element("div", {}, element("h1", {}, name), words);
+    const figcaption = element("figcaption", {}, title, caption);
+    const figure = element("figure", {}, figcaption, canvas);
+    ui.disks.append(figure);
+    const drawing = new Pane(canvas);
     drawing.setScene(run.scene);
-    return { drawing, caption, canvas, run, recording: new Recording(run, data.slice(4 + length)) };
+    return { drawing, figure, caption, canvas, run, recording: new Recording(run, data) };
   });
   const all = (act) => panes.forEach(({ drawing }) => act(drawing));
-  const view = { pan: (...at) => all((one) => one.pan(...at)), zoom: (...at) => all((one) => one.zoom(...at)) };
+  const view = {
+    pan: (...at) => all((one) => one.pan(...at)),
+    zoom: (...at) => all((one) => one.zoom(...at)),
+  };
   for (const { canvas } of panes) {
     // In a frame of a page that scrolls, the wheel zooms the film only after a press.
     canvas.addEventListener("wheel", (event) => isUsed || event.stopImmediatePropagation());
     canvas.addEventListener("pointerdown", () => (isUsed = true));
     followPointers(canvas, view, show);
-    canvas.ondblclick = ui.whole.onclick = () => {
-      all((one) => one.fit());
-      show();
-    };
+    canvas.ondblclick = ui.whole.onclick = seeAll;
+  }
+
+  function seeAll() {
+    all((one) => one.fit());
+    show();
   }
 
   function show() {
-    const from = Math.floor(place), to = Math.min(from + 1, last), captions = (run) => run.captions[Math.round(place)];
+    const from = Math.floor(place);
+    const to = Math.min(from + 1, last);
     const at = cues[from] + (place - from) * (cues[to] - cues[from]);
     for (const { drawing, caption, run, recording } of panes) {
-      drawing.draw(recording.state(at, settings.quantity));
-      const magnified = settings.magnify > 1 ? `displacements × ${Number(settings.magnify.toPrecision(2))}` : "";
-      // A blank line keeps its height.
-      const word = (line) => element(line.startsWith("*") ? "b" : "span", {}, `${plain(line)}\u00a0\n`);
-      caption.replaceChildren(...[...captions(run), magnified].map(word));
+      const state = recording.state(at, settings.quantity);
+      const hasArrow = run.full_speed && ui.velocity.checked;
+      drawing.set({ arrow: hasArrow ? state.velocity : null });
+      drawing.draw(state);
+      const factor = Number(settings.magnify.toPrecision(2));
+      const magnified = factor > 1 ? `displacements × ${factor}` : "";
+      const lines = [...run.captions[Math.round(place)], magnified];
+      caption.replaceChildren(...lines.map(captionLine));
     }
+    curves.draw(place, settings.theme, scene.themes[settings.theme]);
     ui.moment.value = place;
-    ui.moment.ariaValueText = captions(runs[0]).join(", ");
+    ui.moment.ariaValueText = runs[0].captions[Math.round(place)].join(", ");
   }
 
   function change() {
     controls.show(specs.map((spec) => ({ ...spec, value: settings[spec.key] })));
     document.documentElement.style.colorScheme = settings.theme;
-    all((one) => one.set({ ...settings, ...checked(ui.options) }));
+    const velocityColour = velocityColours[Number(settings.theme === "dark")];
+    document.documentElement.style.setProperty("--velocity", velocityColour);
+    all((one) => one.set({ ...settings, ...checked(ui.options), velocityColour }));
+    show();
+  }
+
+  function arrange() {
+    panes.forEach(({ drawing, figure }, k) => {
+      drawing.hasLegend = !NARROW.matches || k === panes.length - 1;
+      // All disks have the same height, beside that of the legend.
+      figure.style.flexBasis = NARROW.matches ? `${drawing.footer}px` : "";
+      if (drawing.camera.home && drawing.width) drawing.fit();
+    });
     show();
   }
 
@@ -108,32 +284,47 @@ async function play() {
     ui.play.textContent = yes ? "Pause" : "Play";
   }
 
+  function goTo(moment) {
+    setPlaying(false);
+    place = moment;
+    show();
+  }
+
   const factor = { unit: "", meaning: "a factor", live: true };
+  const magnification = { low: 1, high: Math.max(20, settings.magnify), ...factor };
   const specs = [
     { key: "quantity", name: "colours show", options: scene.quantities.map(({ name }) => name) },
     { key: "draw", name: "drawn as", options: ["field", "springs", "both", "points"] },
     { key: "theme", name: "background", options: ["light", "dark"] },
-    { key: "magnify", name: "displacements ×", low: 1, high: Math.max(20, settings.magnify), ...factor },
+    { key: "magnify", name: "displacements ×", ...magnification },
     { key: "speed", name: "speed ×", low: 0.1, high: 2, ...factor },
   ];
-  const controls = new Controls(() => ui.looks, (key, value) => {
-    const { options, low, high } = specs.find((spec) => spec.key === key);
-    settings[key] = options ? value : Math.min(Math.max(value, low), high);
-    change();
-  });
-  document.querySelector("details").open = matchMedia("(min-width: 960px)").matches;
+  const controls = new Controls(
+    () => ui.looks,
+    (key, value) => {
+      const { options, low, high } = specs.find((spec) => spec.key === key);
+      settings[key] = options ? value : Math.min(Math.max(value, low), high);
+      change();
+    },
+  );
+  document.querySelector("details").open = matchMedia(
+    "(min-width: 960px) and (min-height: 481px)",
+  ).matches;
   ui.moment.max = last;
+  for (const [moment, name] of head.marks) {
+    const style = `left: ${(100 * moment) / last}%`;
+    ui.line.append(element("button", { style, onclick: () => goTo(moment) }, name));
+  }
   ui.options.onchange = change;
-  ui.moment.oninput = () => {
-    setPlaying(false);
-    place = Number(ui.moment.value);
-    show();
-  };
+  ui.moment.oninput = () => goTo(Number(ui.moment.value));
   ui.play.onclick = () => setPlaying(!isPlaying);
-  new IntersectionObserver(([entry]) => (isVisible = entry.isIntersecting)).observe(document.body); // in a frame
-  new ResizeObserver(show).observe(ui.disks);
+  new IntersectionObserver(([entry]) => (isVisible = entry.isIntersecting)).observe(
+    document.body,
+  ); // in a frame
+  new ResizeObserver(arrange).observe(ui.disks);
   setPlaying(!matchMedia("(prefers-reduced-motion: reduce)").matches);
   change();
+  arrange();
   requestAnimationFrame(function next(now) {
     if (isPlaying && isVisible) {
       place += Math.min((now - before) / 1000, 0.1) * fps * settings.speed;
@@ -145,4 +336,6 @@ async function play() {
   });
 }
 
-play().catch((error) => document.getElementById("disks").append(`This film cannot be played: ${error.message}`));
+play().catch((error) =>
+  document.getElementById("disks").append(`This film cannot be played: ${error.message}`),
+);

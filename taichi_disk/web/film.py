@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import zlib
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
@@ -19,21 +19,28 @@ from numpy.typing import NDArray
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.fields import QUANTITIES, Triangles
 from taichi_disk.lattice import Array
+from taichi_disk.output.artist import Artist
 from taichi_disk.output.files import write_text
+from taichi_disk.output.panel import ON_DARK
+from taichi_disk.output.plot import curves
 from taichi_disk.progress import Progress
 from taichi_disk.render import film as pictures
-from taichi_disk.render.geometry import flattening, magnification
+from taichi_disk.render.film import common_span, common_view
+from taichi_disk.render.geometry import View, magnification
 from taichi_disk.render.moments import (
+    MOMENTS,
     WHOLE,
+    Caption,
+    Cue,
     Run,
     Span,
+    captions,
     check_runs,
     cues,
-    lines,
-    scale_times,
+    time_of,
     titles,
 )
-from taichi_disk.render.palette import full_scale, round_near
+from taichi_disk.render.recording import Flight, Recording
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.statics.equilibrium import roll_angle, turned
 from taichi_disk.web.drawing import (
@@ -58,78 +65,146 @@ def film(
     video: VideoSection,
     progress: Progress,
     span: Span = WHOLE,
-) -> None:
-    """Write a page (.html) that plays the states of `runs` side by side, with the
-    arguments of `render.film.film`.
+    labels: Sequence[str] = (),
+    artist: Artist | None = None,
+) -> Callable[[], None]:
+    """Prepare a page (.html) that plays the states of `runs` side by side, with the
+    arguments of `render.film.film`, and return the function that writes it.
 
     A page needs no Vulkan. Raises what `render.film.film` raises.
     """
     if path.suffix != ".html":
-        return pictures.film(path, runs, video, progress, span)
-    check_runs(runs)
-    most = max(
-        _STATES // max(len(run.scenario.lattice.positions) for run in runs), _FEWEST
-    )
-    frames = min(round(video.fps * video.seconds), most)
-    shots = cues(runs, frames, video.fps, span)
-    at = np.array([t for t, _ in shots])
-    times = np.unique(at)
-    recorded = []
-    for k, run in enumerate(runs):
-        progress("render", k, len(runs))
-        recorded.append(_recorded(run, times))
-    limits = {name: max(one.limits[name] for one in recorded) for name in QUANTITIES}
-    views = np.array([one.view for one in recorded])
-    view = [*views[:, 0::2].min(axis=0), *views[:, 1::2].max(axis=0)]
-    largest = max(one.largest_force for one in recorded)
-    shown = replace(
-        video,
-        magnify=magnification(video.magnify, max(one.flattest for one in recorded)),
-    )
-    force = round_near(largest) if largest else 0.0
-    data, packed = b"", []
-    for run, one, title in zip(runs, recorded, titles(runs), strict=True):
-        message = scene_message(run.scenario, shown, largest_force=one.largest_force)
-        arrays, scales = one.arrays(limits)
+        return pictures.film(path, runs, video, progress, span, labels, artist)
+    check_runs(runs, labels)
+    points = max(len(run.scenario.lattice.positions) for run in runs)
+    wanted = round(video.fps * video.seconds)
+    frames = min(wanted, max(_STATES // points, _FEWEST))
+    flights = [Flight.of(run, video.flight) for run in runs]
+    shots = cues(runs, common_span(flights), frames, video.fps, span)
+    progress("render", 0, len(runs))
+
+    def write() -> None:
+        times = [cue.t for cue in shots]
+        states = [Recording(one, times, list(QUANTITIES)) for one in flights]
+        names = titles(runs, labels)
+        rate = video.fps * frames / max(wanted, 1)  # cues in a second
+        packed = _packed(states, shots, video, names, rate, progress)
+        text = Template(source("film.html")).substitute(
+            title=escape(" | ".join(title[0] for title in names)),
+            origin=escape(pictures.film_origin(runs, video)),
+            states=b64encode(packed).decode(),
+            style=source("style.css") + source("film.css"),
+            script=bundle(*DRAWING, "controls.js", "film.js"),
+        )
+        write_text(path, text)
+        progress("render", len(runs), len(runs))
+
+    return write
+
+
+def _packed(
+    states: Sequence[Recording],
+    shots: Sequence[Cue],
+    video: VideoSection,
+    names: Sequence[tuple[str, ...]],
+    rate: float,
+    progress: Progress,
+) -> bytes:
+    """Return the compressed head, in JSON, and the arrays of all runs."""
+    magnify = magnification(video.magnify, max(one.flattest for one in states))
+    video = replace(video, magnify=magnify)
+    common = {
+        "view": _page_view(common_view([one.view(1.0) for one in states])),
+        "full_force": max(one.full_force for one in states),
+    }
+    limits = {name: max(one.limits[name] for one in states) for name in QUANTITIES}
+    data = b""
+    runs = []
+    for k, (one, title) in enumerate(zip(states, names, strict=True)):
+        progress("render", k, len(states))
+        recorded = _recorded(one)
+        arrays, scales = recorded.arrays(limits)
         places = {}
         for name, array in arrays.items():
             data += bytes(-len(data) % 4)
             places[name] = len(data), array.size
             data += array.tobytes()
-        packed.append(
+        scenario = one.run.scenario
+        message = scene_message(scenario, video, largest_force=one.largest_force)
+        counts = [len(each) for each in recorded.forces]
+        runs.append(
             {
-                "scene": (
-                    message
-                    | {
-                        "title": list(title),
-                        "view": [float(view[k]) for k in (0, 2, 1, 3)],
-                        "full_force": force,
-                    }
-                ),
-                "states": len(times),
-                "unit": one.unit,
-                "first": np.cumsum([0, *(len(each) for each in one.forces)]).tolist(),
+                "scene": message | common | {"title": list(title)},
+                "states": len(one.times),
+                "unit": recorded.unit,
+                "first": np.cumsum([0, *counts]).tolist(),
                 "limits": scales,
-                "captions": [list(each) for each in lines(run, shots)],
+                "captions": [_words(each) for each in captions(one.run, shots)],
+                "full_speed": one.full_speed,
                 "arrays": places,
             }
         )
-    # cues in a second
-    rate = video.fps * frames / max(round(video.fps * video.seconds), 1)
-    head = json.dumps(
-        {"fps": rate, "cues": np.searchsorted(times, at).tolist(), "runs": packed}
-    ).encode()
-    head += b" " * (-len(head) % 4)
-    states = zlib.compress(np.array([len(head)], "<u4").tobytes() + head + data, 9)
-    text = Template(source("film.html")).substitute(
-        title=escape(" | ".join(title[0] for title in titles(runs))),
-        origin=escape(pictures.film_origin(runs, video)),
-        states=b64encode(states).decode(),
-        style=source("style.css"),
-        script=bundle(*DRAWING, "controls.js", "film.js"),
-    )
-    write_text(path, text)
-    progress("render", len(runs), len(runs))
+    times = [cue.t for cue in shots]
+    head = {
+        "fps": rate,
+        "cues": np.searchsorted(states[0].times, times).tolist(),
+        "marks": _marks(states[0].run, times),
+        "curves": _curves(states, times),
+        "runs": runs,
+    }
+    text = json.dumps(head).encode()
+    text += b" " * (-len(text) % 4)
+    length = np.array([len(text)], "<u4").tobytes()
+    return zlib.compress(length + text + data, 9)
+
+
+def _page_view(view: View) -> list[float]:
+    xmin, xmax, ymin, ymax = view
+    return [xmin, xmax, ymin, ymax]
+
+
+def _words(caption: Caption) -> list[str]:
+    """Return the lines of a caption; `*` marks the result, `+` the motion."""
+    lines = [caption.time]
+    if caption.motion:
+        lines.append(f"+{caption.motion}")
+    lines += caption.others
+    lines.append(f"*{caption.result}" if caption.result else caption.note)
+    lines.append("    ".join(caption.pace))
+    return lines
+
+
+def _marks(run: Run, times: Sequence[float]) -> list[list[Any]]:
+    """Return the numbers of the cues at which a time line has a mark, and what it
+    stands for."""
+    marks = []
+    for moment in ("contact", "greatest"):
+        t = time_of(moment, run.columns)
+        if times[0] < t < times[-1]:
+            marks.append([int(np.searchsorted(times, t)), MOMENTS[moment]])
+    return marks
+
+
+def _curves(states: Sequence[Recording], times: Sequence[float]) -> list[Any]:
+    """Return the curves of the runs at the times of the cues: panel, name, colours on a
+    light and a dark ground, values."""
+    found = []
+    for number, one in enumerate(states):
+        columns = one.run.columns
+        for curve in curves(one.run.scenario, columns):
+            if number and curve.panel == 2:
+                continue  # the energies of several runs would hide each other
+            values = np.interp(times, columns["t"], curve.values)
+            found.append(
+                {
+                    "panel": curve.panel,
+                    "run": number,
+                    "name": curve.name,
+                    "colours": [curve.colour, ON_DARK[curve.colour]],
+                    "values": [float(f"{value:.4g}") for value in values],
+                }
+            )
+    return found
 
 
 @dataclass
@@ -143,23 +218,16 @@ class _Recorded:
             unloaded disk [R].
         forces: the `contact_forces` of each state.
         values: (T, n) values of each quantity at the points.
-        limits: end of each quantity's colour scale.
-        flattest: flattening of the disk at the greatest compression [R].
-        largest_force: largest force of the wall on one point at the greatest
-            compression [M c^2/R].
         centres: (T, 2) centres of mass [R].
-        view: bounds of all states [R].
+        velocities: (T, 2) of the centres of mass [c].
     """
 
     motion: Array
     displacements: Array
     forces: list[NDArray[np.float32]]
     values: dict[str, NDArray[np.float32]]
-    limits: dict[str, float]
-    flattest: float
-    largest_force: float
     centres: Array
-    view: list[float]
+    velocities: Array
 
     @property
     def unit(self) -> float:
@@ -171,93 +239,60 @@ class _Recorded:
     ) -> tuple[dict[str, Array], dict[str, Any]]:
         """Return the arrays to pack, by name, and the scale of each quantity; integers
         hold changes between states."""
-        steps = _differences(
-            np.rint(self.displacements / self.unit).astype(np.int16)
-        ).astype("<i2")
+        levels: Any = np.rint(self.displacements / self.unit).astype(np.int16)
+        steps = _differences(levels).astype("<i2").view(np.uint8)
         found = {
             "motion": self.motion.astype("<f4"),
             "centres": self.centres.astype("<f4"),
+            "velocities": self.velocities.astype("<f4"),
             "forces": np.concatenate(self.forces).astype("<f4"),
-            "displacements": np.stack(
-                [steps.view(np.uint8)[..., k::2] for k in (0, 1)]
-            ),
+            "displacements": np.stack([steps[..., k::2] for k in (0, 1)]),
         }
         scales = {}
         for name, kind in QUANTITIES.items():
-            full = float(self.values[name].max()) if name == "fringes" else limits[name]
+            full = limits[name]
+            if name == "fringes":
+                full = float(self.values[name].max())
             part = self.values[name] / max(full, 1e-300)
-            codes = (
-                _SIGNED * (1.0 + np.clip(part, -1.0, 1.0))
-                if kind.signed
-                else _AMOUNT * np.clip(part, 0.0, 1.0)
-            )
+            codes = _AMOUNT * np.clip(part, 0.0, 1.0)
+            if kind.signed:
+                codes = _SIGNED * (1.0 + np.clip(part, -1.0, 1.0))
             found[name] = _differences(np.rint(codes).astype(np.uint8))
             scales[name] = {"limit": limits[name], "range": full, "signed": kind.signed}
         return found, scales
 
 
-def _recorded(run: Run, times: Array) -> _Recorded:
-    scenario, outcome = run.scenario, run
-    lattice, springs, wall = (
-        scenario.lattice,
-        scenario.model.springs,
-        scenario.model.wall,
-    )
-    triangles, n, columns = Triangles(lattice), lattice.disk_points, outcome.columns
-    rest, looks = lattice.positions, scale_times(scenario, columns)
-    motion, displacements, forces = [], [], []
+def _recorded(states: Recording) -> _Recorded:
+    scenario = states.run.scenario
+    lattice = scenario.lattice
+    springs, wall = scenario.model.springs, scenario.model.wall
+    triangles = Triangles(lattice)
+    n, rest = lattice.disk_points, lattice.positions
+    motion, displacements, forces, centres, velocities = [], [], [], [], []
     values: dict[str, list[NDArray[np.float32]]] = {name: [] for name in QUANTITIES}
-    limits, largest = dict.fromkeys(QUANTITIES, 0.0), 0.0
-    left, right, low, high = scenario.view
-    every = np.unique([*times, *looks])
-    for t, (_, x, v) in zip(every, outcome.frames(every), strict=True):
+    for _, x, v in states.moments():
         raise_if_interrupted()
-        shown = {
-            name: colour_values(name, triangles, springs, x, v) for name in QUANTITIES
-        }
-        pushes = contact_forces(wall, lattice, springs, x, v)
-        if t in looks:
-            limits = {
-                name: max(limits[name], full_scale(shown[name][:n], name))
-                for name in QUANTITIES
-            }
-            if t == looks[-1]:
-                flattest = flattening(lattice, x)
-                largest = float(np.hypot(*pushes[:, 1:].T).max(initial=0.0))
-        if t in times:
-            centre, angle = x[:n].mean(axis=0), roll_angle(rest[:n], x[:n])
-            moved = x - rest
-            moved[:n] = (
-                turned(x[:n], -angle) - centre - (rest[:n] - rest[:n].mean(axis=0))
-            )
-            motion.append([*centre, angle])
-            displacements.append(moved)
-            forces.append(pushes)
-            for name, one in shown.items():
-                values[name].append(one)
-            (xmin, _), (xmax, ymax) = x[:n].min(axis=0), x[:n].max(axis=0)
-            left, right, high = (
-                min(left, xmin - 0.05),
-                max(right, xmax + 0.05),
-                max(high, ymax),
-            )
+        centre = x[:n].mean(axis=0)
+        angle = roll_angle(rest[:n], x[:n])
+        moved = x - rest
+        unloaded = rest[:n] - rest[:n].mean(axis=0)
+        moved[:n] = turned(x[:n], -angle) - centre - unloaded
+        motion.append([*centre, angle])
+        displacements.append(moved)
+        forces.append(contact_forces(wall, lattice, springs, x, v))
+        centres.append(lattice.mean(x))
+        velocities.append(lattice.mean(v))
+        for name, each in values.items():
+            each.append(colour_values(name, triangles, springs, x, v))
     moves = np.array(motion)
     moves[:, 2] = np.unwrap(moves[:, 2])
-    centres = np.column_stack(
-        [np.interp(times, columns["t"], columns[name]) for name in ("com_x", "com_y")]
-    )
-    stacked = {name: np.array(states) for name, states in values.items()}
-    view = [float(one) for one in (left, right, low, high)]
     return _Recorded(
-        moves,
-        np.array(displacements),
-        forces,
-        stacked,
-        limits,
-        flattest,
-        largest,
-        centres,
-        view,
+        motion=moves,
+        displacements=np.array(displacements),
+        forces=forces,
+        values={name: np.array(each) for name, each in values.items()},
+        centres=np.array(centres),
+        velocities=np.array(velocities),
     )
 
 

@@ -69,7 +69,7 @@ export function arrow(ctx, [x0, y0], [x1, y1], thickness, colour, rim) {
 function layout(width, height) {
   const keys = { hasKeys: true };
   if (width >= 720)
-    return { height: 66, bar: 52, numbers: 28, name: 10, row: 47, beside: 340, ...keys };
+    return { height: 66, bar: 52, numbers: 28, name: 10, row: 47, beside: 380, ...keys };
   const isLow = height < 330 || (height < 400 && width > 460);
   if (!isLow) return { height: 94, bar: 52, numbers: 28, name: 10, row: 80, beside: 64, ...keys };
   const hasKeys = width > 460;
@@ -79,7 +79,7 @@ function layout(width, height) {
     numbers: 32,
     name: 10,
     row: 51,
-    beside: hasKeys ? 340 : 64,
+    beside: hasKeys ? 380 : 64,
     hasKeys,
   };
 }

@@ -8,6 +8,8 @@ import { checked, download, element, elements } from "./html.js";
 import { unpacked } from "./message.js";
 import { asText, showDiagram, showResults } from "./results.js";
 import { showScenes } from "./scenes.js";
+import { Watch } from "./watch.js";
+import { withDuration } from "./webm.js";
 
 const KEYS = {
   " ": "space",
@@ -56,9 +58,11 @@ export class Sandbox {
     });
     const ui = (this.ui = elements(node));
     this.send = (message) => {
-      if (this.plays || message.do === "seen") send(message);
-      if (message.do !== "seen") this.waiting ??= setTimeout(() => (ui.busy.hidden = false), 400);
+      send(message); // a watcher's messages change the watcher's own picture at most
+      if (this.plays && message.do !== "seen")
+        this.waiting ??= setTimeout(() => (ui.busy.hidden = false), 400);
     };
+    this.watch = new Watch(node, ui.role, this.send);
     this.drawing = new Drawing(ui.disk);
     this.graphs = new Graphs([ui.energy, ui.motion], (t) => this.send({ do: "scrub", t }));
     const places = { speed: ui.speed, "video.magnify": ui.magnify };
@@ -200,9 +204,11 @@ export class Sandbox {
     if (this.recorder) return this.recorder.stop();
     const { disk, film } = this.ui;
     const recorder = new MediaRecorder(disk.captureStream(30));
+    const began = performance.now();
     this.recorder = recorder;
-    recorder.ondataavailable = ({ data }) => {
-      download(data, /mp4/.test(data.type) ? "disk.mp4" : "disk.webm", data.type);
+    recorder.ondataavailable = async ({ data }) => {
+      const name = /mp4/.test(data.type) ? "disk.mp4" : "disk.webm";
+      download(await withDuration(data, performance.now() - began), name, data.type);
       Object.assign(film, { textContent: "Film", ariaPressed: false });
       this.recorder = null;
     };
@@ -228,9 +234,10 @@ export class Sandbox {
     else if (kind === "yaml") this.scene = message.text;
   }
 
-  showRole({ plays }) {
-    this.plays = plays;
-    this.ui.role.textContent = plays ? "" : "Somebody else plays; you are watching.";
+  showRole(message) {
+    this.plays = message.plays;
+    this.watch.show(message);
+    if (!this.plays && this.node.dataset.tab === "experiment") this.showTab("view");
   }
 
   showKeys({ keys }) {
@@ -376,7 +383,7 @@ export class Sandbox {
     if (isFirst) this.oldMessage = message;
     else if (message !== this.oldMessage) this.oldMessage = "";
     const isNew = message !== this.oldMessage;
-    let text = isNew && message ? message : hint;
+    let text = isNew && message ? message : this.plays ? hint : "";
     if (aimed) {
       const [speed, angle] = aimed;
       text = `v = ${speed} c, angle ${((angle * 180) / Math.PI).toFixed(1)}° = ${angle} rad`;

@@ -4,7 +4,7 @@ export default {
   render({ model, el }) {
     const shadow = el.attachShadow({ mode: "open" }),
       visitor = Math.random();
-    shadow.innerHTML = `<style>${STYLE} .frame { height: ${model.get("height")}px; container-type: size; }</style>
+    shadow.innerHTML = `<style>${STYLE} .frame { height: ${model.get("height")}px; container: page / size; }</style>
       <div class="frame">${PAGE}</div>`;
     const send = (message) => model.send({ visitor, ...message });
     const sandbox = (el.sandbox = new Sandbox(shadow.querySelector(".sandbox"), send));

@@ -27,7 +27,8 @@ from taichi_disk.simulation.stepping import Snapshot
 STORE_SPACING = 1.5e-2
 HIT_AGAIN, DISTURBED, PULLED = "hit again", "disturbed", "pulled"  # changes by the user
 # stored states and their memory; then every second one is dropped
-MAX_STATES, MAX_BYTES = 1280, 1.7e9
+MAX_STATES = 1280
+MAX_BYTES = 1.7e9
 
 
 class Segment(Driver):
@@ -112,7 +113,9 @@ class Segment(Driver):
         self.settled_rows = min(last_inside, self.needed_rows - 1)
         self.balance = EnergyBalance(self.rows[0])
         self.balance.first_lost(self.rows)
-        self.state, self.row, self.failure = snapshot, checkpoint.row, None
+        self.state = snapshot
+        self.row = checkpoint.row
+        self.failure = None
         self.end = self.end if self.end and snapshot.step >= self.end.step else None
         self.status = "finished" if self.end else "running"
 
@@ -208,7 +211,8 @@ class Timeline:
 
         Raises TaichiDiskError, and then leaves everything as it was.
         """
-        last, now = self.segment, self.segment.present
+        last = self.segment
+        now = self.segment.present
         scenario = with_mouse(scene, self.body)
         point_force = scenario.point_force
         # a time step set by the user would be refused for the force of a blow-up

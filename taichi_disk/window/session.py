@@ -338,8 +338,8 @@ class Session:
             "seed": sandbox.scene.lattice.seed,
             "collecting": len(sandbox.remaining_loads),
             "results": [one._asdict() for one in sandbox.results],
-            "loadRange": self._load_range(),
             "again": self._recomputed(),
+            "loadRange": self._load_range(),
         }
 
     def _recomputed(self) -> float:

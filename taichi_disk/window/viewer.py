@@ -17,7 +17,7 @@ import numpy as np
 from taichi_disk.engine import ti
 from taichi_disk.fields import QUANTITIES
 from taichi_disk.output.files import prepare_output, write_text
-from taichi_disk.render.geometry import ARROW, Camera, arrows, edge_height
+from taichi_disk.render.geometry import ArrowStyle, Camera, arrows, edge_height
 from taichi_disk.render.offscreen import elsewhere, open_window
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import THEMES
@@ -164,7 +164,8 @@ class Viewer:
         )
         painter.limit, painter.full_force = self._scales.colour, self._scales.force
         canvas = self._window.get_canvas()
-        painter.paint(canvas, self.camera, state.x, state.v)
+        is_soft = self._window.is_soft
+        painter.paint(canvas, self.camera, state.x, state.v, is_soft=is_soft)
         # (foot, tip) [R] of the drawn throw and of the mouse's pull
         strokes: list[Any] = []
         if sandbox.drawn_throw:
@@ -179,10 +180,10 @@ class Viewer:
         if sandbox.grip:
             strokes.append((state.x[sandbox.grip[0]], sandbox.grip[1]))
         for foot, tip in np.array(strokes):
-            px, along = 1.0 / self.camera.scale, tip - foot
-            shape = arrows(
-                foot[None], along[None] / ARROW, 9 * px, 3 * px, px, THEMES[video.theme]
-            )
+            px = 1.0 / self.camera.scale
+            style = ArrowStyle(shaft=3.0 * px, head=9.0 * px, rim=px, fade=px)
+            theme = THEMES[video.theme]
+            shape = arrows(foot[None], tip[None] - foot, style, theme.arrow, theme)
             painter.draw_shape(canvas, shape, self.camera)
 
     def _draw_widgets(self) -> None:

@@ -27,10 +27,12 @@ from taichi_disk.computation.outcome import compute
 from taichi_disk.output.plot import matplotlib_style
 from taichi_disk.scenes import load_scene
 from taichi_disk.scenes.setup import outcome_of
-from taichi_disk.simulation.observables import BLUE, GREEN, ORANGE, PINK, RED, SKY
+from taichi_disk.simulation.observables import BLUE, GREEN, ORANGE, PINK, RED
 
 from .kernel import FREE, RIGID
 from .peers import dop853, restitution, seconds_of, start_of
+
+SKY = "#56B4E9"
 
 SPEEDS = (0.01, 0.02, 0.05)  # [c]
 LATTICES = 8

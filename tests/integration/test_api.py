@@ -729,6 +729,26 @@ def test_a_blow_up_comes_back_from_another_process_too():
     assert str(failure) == "bad" and failure.last_good["t"] == 1.0
 
 
+@pytest.mark.parametrize("act", ["film", "save", "export"])
+def test_a_path_with_a_null_character_is_refused_in_a_sentence(result, act):
+    with pytest.raises(InputError, match=r"a path has no null characters, as 'a\\x00"):
+        getattr(result, act)("a\0.png")
+
+
+def test_an_export_says_at_which_times_its_states_are(result, tmp_path):
+    notices = []
+    last = float(result.series["t"][-1])
+    result.export(tmp_path / "a.npz", times=[0.0, last], say=notices.append)
+    result.export(tmp_path / "b.npz", frames=3, say=notices.append)
+    assert notices == []
+    result.export(tmp_path / "c.npz", times=[0.0, 0.3 * last], say=notices.append)
+    t = np.load(tmp_path / "c.npz")["t"]
+    times = f"t = {t[0]:.6g}, {t[1]:.6g} R/c"
+    assert notices == [f"the states are those of the nearest steps, at {times}"]
+    result.export(tmp_path / "d.npz", times=t, say=notices.append)
+    assert len(notices) == 1
+
+
 @pytest.mark.parametrize("path", [5, b"x", ["x"], 1.5])
 def test_anything_but_a_path_is_refused_as_a_path(result, path):
     for act in (

@@ -216,7 +216,11 @@ def test_a_scene_that_does_not_end_is_a_failure_with_advice(
                 " other programs\n"
             ),
         ),
-        (OSError(28, "No space left on device"), 1, "error: No space left on device\n"),
+        (
+            OSError(28, "No space left on device"),
+            1,
+            "error: No space left on device (in fail of test_cli)\n",
+        ),
     ],
 )
 def test_each_kind_of_failure_has_its_exit_status_and_one_message(
@@ -416,3 +420,42 @@ def test_too_little_memory_is_reported_in_a_sentence(tmp_path):
     assert done.returncode == 1
     assert "memory" in done.stderr and "Traceback" not in done.stderr
     assert not (tmp_path / "o" / "timeseries.csv").exists()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["run", "exponential_wall"],
+        ["sweep", "figure3"],
+        ["view"],
+        ["render", "x"],
+        ["export", "x"],
+        ["accuracy", "exponential_wall"],
+    ],
+)
+def test_the_home_of_nobody_is_refused_in_a_sentence(capsys, words):
+    with pytest.raises(SystemExit) as end:
+        main([*words, "--out", "~no-such-user/x"])
+    assert end.value.code == 2
+    assert "there is no user of this name" in capsys.readouterr().err
+
+
+def test_a_broken_cache_of_kernels_takes_no_printed_result_with_it():
+    code = (
+        "from types import SimpleNamespace; import os\n"
+        "from taichi_disk import engine, runtime\n"
+        "engine.loaded = lambda: SimpleNamespace(reset=os.abort)\n"
+        "print('restitution')\n"
+        "runtime.leave(0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout == "restitution\n" and done.returncode < 0
+
+
+def test_a_folder_for_kernels_that_no_later_run_finds_is_removed(tmp_path):
+    environment = {**os.environ, "HOME": "/proc/none", "TMPDIR": str(tmp_path / "t")}
+    environment.pop("TI_OFFLINE_CACHE_FILE_PATH", None)
+    (tmp_path / "t").mkdir()
+    done = command(*arguments(tmp_path / "o", *SMALL), env=environment)
+    assert done.returncode == 0 and "note: no writable home" in done.stderr
+    assert list((tmp_path / "t").iterdir()) == []

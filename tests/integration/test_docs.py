@@ -96,7 +96,7 @@ def test_commands_are_accepted(page, monkeypatch):
         except SystemExit as end:  # 0 after --help
             assert end.code == 0, f"taichi-disk {shlex.join(words)}"
             continue
-        scene = getattr(arguments, "scene", "")
+        scene = getattr(arguments, "scene", None) or ""
         if scene in shipped_scenes() or Path(scene).is_file():
             check_feasible(load_any(scene, arguments.overrides))
 

@@ -85,6 +85,62 @@ def test_a_widget_is_played_with_while_cells_compute(tmp_path: Path) -> None:
     played(SETTINGS, act)
 
 
+def test_a_widget_begins_anew_after_the_user_s_own_init_and_says_so() -> None:
+    code = f"""
+import asyncio, json
+from taichi_disk.engine import ti
+from taichi_disk.notebook import Sandbox
+
+async def notebook():
+    sandbox, panels = Sandbox("exponential_wall", {SETTINGS}), []
+    def say(kind, **more):
+        sandbox._handle_custom_msg({{"visitor": 0.5, "do": kind}} | more, [])
+    def send(message, buffers):
+        content = json.loads(message.get("text", "{{}}"))
+        if content.get("kind") == "panel":
+            panels.append(content)
+        if buffers:
+            say("seen", number=9e6)
+    async def until(condition):
+        for _ in range(1200):
+            if condition(panels[-1]):
+                return
+            await asyncio.sleep(0.05)
+        raise AssertionError(panels[-1]["message"])
+    sandbox.send = send
+    say("open")
+    await asyncio.sleep(0.3)
+    say("press", key="space")
+    await until(lambda panel: not panel["paused"] and not panel["atStart"])
+    ti.init(arch=ti.cpu, default_fp=ti.f64)
+    await until(lambda panel: "fast_math=False" in panel["message"] and panel["paused"])
+    ti.init(arch=ti.cpu, default_fp=ti.f64, fast_math=False)
+    say("press", key="space")
+    await until(lambda panel: "at the start again" in panel["message"])
+    say("press", key="space")
+    await until(lambda panel: not panel["paused"] and not panel["atStart"])
+    sandbox.close()
+
+asyncio.run(notebook())
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_widget_of_no_scene_says_so_once() -> None:
+    code = """
+import asyncio
+from taichi_disk.notebook import Sandbox
+
+async def notebook():
+    Sandbox("typo")
+
+asyncio.run(notebook())
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert "typo: no such file" in done.stderr and done.stderr.count("Traceback") == 1
+
+
 def test_a_message_that_another_thread_delivers_is_obeyed_at_once() -> None:
     async def act(sandbox: Any, say: Callable[..., None], sent: list[Any]) -> None:
         def press_and_wait() -> None:
@@ -213,7 +269,7 @@ def test_without_the_extra_the_message_names_it() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (
         "TaichiDiskError: no widget" in done.stderr
-        and "pip install 'taichi-disk[notebook]'" in done.stderr
+        and "pip install '.[notebook]'" in done.stderr
     )
 
 

@@ -33,12 +33,13 @@ from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.observables import INDEX
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import colour_values
+from taichi_disk.window.app import list_folder
 from taichi_disk.window.audience import Audience
 from taichi_disk.window.controls import CHOICES, RANGES, Entry
 from taichi_disk.window.door import Door, split_origin
 from taichi_disk.window.graphs import CURVES
 from taichi_disk.window.session import HEADER, Session, read_command
-from tests.browser import MISSING, Browser
+from tests.browser import BROWSERS, MISSING_BROWSERS, Browser
 
 WEB = Path(__file__).parents[2] / "taichi_disk" / "web"
 SETTINGS = ["lattice.points=120", "impact.velocity=0.05", "material.eta_star=1"]
@@ -599,6 +600,123 @@ def test_the_first_visitor_plays_the_next_one_follows_and_the_last_one_pauses(
     asyncio.run(visit())
 
 
+def test_each_visitor_has_a_look_of_its_own_and_watchers_ask_to_play(
+    session: Session,
+) -> None:
+    async def visit() -> None:
+        audience, sandbox = Audience(session), session.sandbox
+        running = asyncio.create_task(audience.run())
+        player, watcher, guest = (Reader(audience) for _ in range(3))
+        readers = (player, watcher, guest)
+
+        async def drawn() -> None:
+            await asyncio.gather(*(one.draw(3) for one in readers))
+
+        await drawn()
+
+        def looks() -> list[str]:
+            panels = [one.texts["panel"]["choices"] for one in readers]
+            return [_value(choices, "video.theme") for choices in panels]
+
+        watcher.say("press", key="t")
+        guest.say("set", key="video.colour", value="pressure")
+        guest.say("set", key="video.theme", value="no theme")
+        await drawn()
+        assert looks() == ["light", "dark", "light"]
+        assert sandbox.scene.video.theme == "light"
+        assert "theme: dark" in watcher.texts["yaml"]["text"]
+        assert _value(guest.texts["panel"]["choices"], "video.colour") == "pressure"
+        player.say("press", key="t")
+        player.say("press", key="t")
+        await drawn()
+        assert looks() == ["light", "dark", "light"]
+
+        player.say("hand")  # nobody has asked
+        watcher.say("hand")  # is not the player
+        guest.say("ask")
+        watcher.say("ask")
+        await drawn()
+        assert player.texts["role"]["asking"] == 2 and watcher.texts["role"]["asks"]
+        assert player.plays and not watcher.plays
+        player.say("keep")
+        await drawn()
+        assert player.texts["role"]["asking"] == 0 and not watcher.texts["role"]["asks"]
+        watcher.say("ask")
+        player.say("hand")
+        await drawn()
+        assert watcher.plays and not player.plays
+        assert looks() == ["light", "dark", "light"]
+        assert sandbox.scene.video.theme == "dark"
+        guest.say("ask")
+        audience.leave(watcher.visitor)
+        await drawn()
+        assert guest.plays and sandbox.scene.video.colour == "pressure"
+        running.cancel()
+
+    asyncio.run(visit())
+
+
+def _value(choices: list[dict[str, Any]], key: str) -> str:
+    return next(one["value"] for one in choices if one["key"] == key)
+
+
+def test_an_error_in_a_command_is_named_and_everybody_goes_on(
+    session: Session, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def fail(*_: Any) -> None:
+        raise IndexError("out of range")
+
+    monkeypatch.setattr(session.sandbox, "hit_again", fail)
+    session.controls.add("h", "", session.sandbox.hit_again)
+    say(session, "press", key="h")
+    assert "IndexError: out of range" in panel(session)["message"]
+    assert "Traceback" in capfd.readouterr().err
+    say(session, "press", key="space")
+    monkeypatch.setattr(session.sandbox, "tick", fail)
+    session.advance()
+    assert "the disk is at the start again" in panel(session)["message"]
+    assert panel(session)["paused"] and session.sandbox.at_start
+    monkeypatch.undo()
+    say(session, "press", key="space")
+    while session.sandbox.at_start:
+        session.advance()
+
+
+def test_names_that_are_not_utf_8_reach_every_page(
+    kernels: KernelCache, tmp_path: Path
+) -> None:
+    name = os.fsdecode(b"\xff.yaml")
+    try:
+        (tmp_path / name).write_text("scene: exponential_wall\nlattice: {points: 60}\n")
+    except OSError:
+        pytest.skip("this file system takes only UTF-8")
+    session = Session(list_folder(tmp_path), kernels)
+    for message in session.texts.values():
+        message.encode()
+    assert panel(session)["name"] == "\udcff"
+
+
+@pytest.mark.parametrize(
+    "table", [b"key\n\xff\xfe\n", b"key\n" + b"x" * 140_000 + b"\n"]
+)
+def test_a_table_that_cannot_be_read_is_named(tmp_path: Path, table: bytes) -> None:
+    (tmp_path / "points.csv").write_bytes(table)
+    with pytest.raises(InputError, match=r"points\.csv"):
+        list_folder(tmp_path)
+
+
+def test_a_huge_file_is_listed_and_refused_when_it_is_chosen(tmp_path: Path) -> None:
+    text = "scene: exponential_wall\nlattice: {points: 60}\n"
+    (tmp_path / "a.yaml").write_text(text)
+    with (tmp_path / "b.yaml").open("w") as file:
+        file.write(text)
+        file.truncate(3_000_000_000)  # sparse
+    small, huge = list_folder(tmp_path)
+    small.load()
+    with pytest.raises(InputError, match=r"b\.yaml.*larger than"):
+        huge.load()
+
+
 def test_a_port_that_is_taken_is_told(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -647,15 +765,25 @@ def served(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
         program.communicate()
 
 
-@pytest.fixture
-def browser() -> Iterator[Browser]:
-    if MISSING:
+def opened(name: str) -> Iterator[Browser]:
+    missing = MISSING_BROWSERS[name]
+    if missing:
         if os.environ.get("CI"):
-            pytest.fail(f"the page cannot be tested: {MISSING}")
-        pytest.skip(f"the page is not tested: {MISSING}")
-    one = Browser()
+            pytest.fail(f"the page cannot be tested: {missing}")
+        pytest.skip(f"the page is not tested: {missing}")
+    one = BROWSERS[name]()
     yield one
     one.driver.quit()
+
+
+@pytest.fixture
+def browser() -> Iterator[Browser]:
+    yield from opened("chromium")
+
+
+@pytest.fixture(params=BROWSERS)
+def each_browser(request: pytest.FixtureRequest) -> Iterator[Browser]:
+    yield from opened(request.param)
 
 
 def ended(program: subprocess.Popen[str], number: int = signal.SIGTERM) -> str:
@@ -675,10 +803,11 @@ def test_a_signal_right_after_the_address_ends_the_program(
 @pytest.mark.validate
 def test_the_page_opens_obeys_and_computes_what_run_does(
     served: tuple[subprocess.Popen[str], str],
-    browser: Browser,
+    each_browser: Browser,
     kernels: KernelCache,
     tmp_path: Path,
 ) -> None:
+    browser = each_browser
     program, url = served
     browser.open(url)
     assert browser.colours() > 50  # field, wall, scale
@@ -771,7 +900,7 @@ def test_every_control_of_the_page_does_what_it_says(
         " one.textContent)"
     )
     assert len(entries) >= 21 and all(len(one) > 30 for one in entries)
-    browser.script("document.querySelectorAll('#entries button')[17].click()")
+    browser.script("document.querySelectorAll('#entries button')[18].click()")
     assert browser.wait(lambda: "flattens" in browser.text("sentence"), 60.0)
     browser.wait(
         lambda: (
@@ -789,8 +918,9 @@ def test_every_control_of_the_page_does_what_it_says(
 
 @pytest.mark.validate
 def test_the_page_reloads_a_second_visitor_watches_and_it_connects_again(
-    served: tuple[subprocess.Popen[str], str], browser: Browser
+    served: tuple[subprocess.Popen[str], str], each_browser: Browser
 ) -> None:
+    browser = each_browser
     program, url = served
     browser.open(url)
     browser.click("drop")
@@ -802,8 +932,21 @@ def test_the_page_reloads_a_second_visitor_watches_and_it_connects_again(
     try:
         watcher.open(url)
         assert "watching" in watcher.text("role")
-        watcher.key("n")
-        assert browser.wait(lambda: browser.text("role") == "")
+        assert not watcher.visible("drop") and watcher.visible("video.theme")
+        watcher.choose("video.theme", "dark")
+        watcher.wait(lambda: watcher.look("theme") == "dark")
+        assert browser.look("theme") == "light" and browser.text("role") == ""
+        # the watcher asks, the player hands over, the new player asks back
+        watcher.press("Ask to play")
+        browser.wait(lambda: "asks to play" in browser.text("role"))
+        browser.press("Hand over")
+        browser.wait(lambda: "watching" in browser.text("role"))
+        assert watcher.visible("drop") and watcher.look("theme") == "dark"
+        assert browser.look("theme") == "light"
+        browser.press("Ask to play")
+        watcher.wait(lambda: "asks to play" in watcher.text("role"))
+        watcher.press("Hand over")
+        browser.wait(lambda: browser.text("role") == "")
         browser.driver.get("about:blank")
         watcher.wait(lambda: watcher.text("role") == "")  # who watched plays now
         wrong = url.rstrip("/")[:-3] + "/"
@@ -830,7 +973,7 @@ def test_graphs_show_energies_below_0_and_no_noise(
         return list(browser.script(f"return {found}"))
 
     # not the force of rounding errors
-    assert ends("motion")[1] == "0" and float(ends("motion")[2]) > 1e-3
+    assert ends("motion")[0] == "0" and float(ends("motion")[2]) > 1e-3
     for key, value in (
         ("impact.velocity", "0.1"),
         ("impact.spin", "0.4"),
@@ -845,7 +988,7 @@ def test_graphs_show_energies_below_0_and_no_noise(
     )
     low, middle, _ = ends("energy")
     assert lowest < 0.0 and middle == "0" and float(low.replace("\u2212", "-")) < lowest
-    browser.script("window.sandbox.send({ do: 'play', number: 17 })")
+    browser.script("window.sandbox.send({ do: 'play', number: 18 })")
     browser.wait(lambda: browser.text("drop") == "Load")
     browser.wait(lambda: ends("motion", "right")[0] == "0")  # a compression of zero
     assert float(ends("motion", "right")[2]) > 1e-3

@@ -3,6 +3,7 @@ program."""
 
 from __future__ import annotations
 
+import errno
 import json
 import re
 import sys
@@ -15,7 +16,10 @@ import pytest
 import reference
 
 from taichi_disk import engine, load_scene, run
+from taichi_disk.cli import main
 from taichi_disk.computation import stability
+from taichi_disk.errors import SimulationError
+from taichi_disk.output import export, files
 from taichi_disk.physics import ElasticWall, MatchedBoundary, Model, Springs
 from taichi_disk.simulation.observables import COLUMNS
 
@@ -155,6 +159,77 @@ def test_a_picture_that_fails_takes_no_result_with_it(tmp_path, monkeypatch):
     assert stored_run.summary["warnings"] == [
         "there is no plot.png: latex could not be found"
     ]
+
+
+def test_an_export_that_fails_takes_no_result_with_it(tmp_path, monkeypatch, capsys):
+    def fails(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setitem(export.FORMATS, "xyz", export.Format(".xyz", fails))
+    out = tmp_path / "o"
+    words = [f"--set={one}" for one in SMALL]
+    options = ["--no-video", "--lattices=1", "--export=xyz", f"--out={out}"]
+    assert main(["run", "exponential_wall", *words, *options]) == 1
+    printed = capsys.readouterr()
+    assert printed.out.startswith("restitution e ")
+    assert "error: cannot write trajectory.xyz: No space left" in printed.err
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["status"] == "done" and "trajectory.xyz" in summary["export_error"]
+    assert not list(out.glob("*.xyz")) and (out / "plot.png").exists()
+
+
+@pytest.mark.parametrize("name", ["final.npz", "timeseries.csv", "summary.json"])
+def test_a_full_disk_takes_no_number_with_it(tmp_path, monkeypatch, capsys, name):
+    written = files.atomic_write
+
+    def full(path, writer):
+        def write(new):
+            writer(new)
+            if path.name == name:
+                raise OSError(errno.ENOSPC, "No space left on device")
+
+        written(path, write)
+
+    monkeypatch.setattr(files, "atomic_write", full)
+    out = tmp_path / "o"
+    words = [f"--set={one}" for one in SMALL]
+    options = ["--no-video", "--lattices=1", f"--out={out}"]
+    assert main(["run", "exponential_wall", *words, *options]) == 1
+    printed = capsys.readouterr()
+    assert printed.out.startswith("restitution e ")
+    assert printed.err.endswith(
+        f"error: cannot write {name}: No space left on device\n"
+    )
+    if name == "summary.json":
+        assert list(tmp_path.iterdir()) == [] and "files in" not in printed.out
+    else:
+        summary = json.loads((out / "summary.json").read_text())
+        assert summary["status"] == "failed" and name in summary["reason"]
+        assert str(summary["restitution"])[:6] in printed.out
+        assert not list(out.glob(f"*{name}"))
+        # It may be repeated: the folder holds a run.
+        monkeypatch.setattr(files, "atomic_write", written)
+        assert main(["run", "exponential_wall", *words, *options]) == 0
+
+
+def test_the_summary_has_the_numbers_even_if_the_disk_stays_full(tmp_path, monkeypatch):
+    written = files.atomic_write
+    names = []
+
+    def full(path, writer):
+        names.append(path.name)
+        if "final.npz" in names:
+            raise SimulationError(f"cannot write {path.name}: No space left on device")
+        written(path, writer)
+
+    monkeypatch.setattr(files, "atomic_write", full)
+    scene = load_scene("exponential_wall", SMALL)
+    result = run(scene, tmp_path / "o", video=False, lattices=1)
+    assert names[-2:] == ["final.npz", "summary.json"]
+    assert result.summary["reason"] == "cannot write final.npz: No space left on device"
+    summary = json.loads((tmp_path / "o" / "summary.json").read_text())
+    assert summary["restitution"] == result.restitution
+    assert summary["status"] == "failed"
 
 
 @pytest.mark.parametrize("kind", ["exponential_wall", "absorbing_wall"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from itertools import pairwise
 
 import pytest
 
@@ -74,6 +75,18 @@ def test_the_keys_for_points_keep_the_viscosity_of_the_body(controls: Controls) 
     assert sandbox.scene.material.viscosity == 0.0
     controls.press("e")
     assert sandbox.scene.material.viscosity == MIN_VISCOSITY["material.viscosity"]
+
+
+def test_a_collected_curve_spans_a_factor_of_30_in_even_ratios(
+    controls: Controls,
+) -> None:
+    controls.collect()
+    loads = [0.1, *controls.sandbox.remaining_loads[1:]]
+    assert len(loads) == 8
+    assert loads[0] / loads[-1] == pytest.approx(30.0, rel=0.02)
+    ratios = [left / right for left, right in pairwise(loads)]
+    # loads are rounded to two digits
+    assert ratios == pytest.approx([30.0 ** (1 / 7)] * 7, rel=0.05)
 
 
 def test_a_key_raises_the_viscosity_from_zero(controls: Controls) -> None:

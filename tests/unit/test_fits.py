@@ -12,15 +12,15 @@ from matplotlib.colors import to_hex, to_rgb
 
 from docs.experiments.quasistatic import quasistatic_impact
 from taichi_disk.figures import theory
+from taichi_disk.figures.axes import curve_styles
 from taichi_disk.figures.curves import (
     FITS,
     Curve,
     analyse,
-    curve_rows,
-    curve_styles,
     curves_figure,
     draw,
 )
+from taichi_disk.figures.texts import curve_rows
 from taichi_disk.scenes import load_scene
 from taichi_disk.scenes.compression import paper_compression
 
@@ -185,6 +185,11 @@ def test_print_and_figure_say_of_a_law_that_misses_the_points_that_it_does_not_h
     _, legend = axes.get_legend_handles_labels()
     assert "eq. (5), d₁ and d₂ fitted" in legend
     assert f"eq. (5) fails: {bad.fits['eq5'].misfit:.0f} × bars" in legend
+    # The widest legends: laws that hold and fail, with the paper's values.
+    for several in ([good, bad], [good, good, bad]):
+        figure = curves_figure(load_scene("absorbing_wall"), several)
+        box = figure.get_tightbbox(figure.canvas.get_renderer())
+        assert box.x0 >= 0.0 and box.x1 <= figure.get_figwidth()
 
 
 def contrast_to_white(colour: Any) -> float:
@@ -363,7 +368,7 @@ def test_the_legend_names_all_that_is_drawn_and_the_same_values_draw_the_same_by
             "bars: 2 lattices",
             "eq. (5), d₁ and d₂ fitted",
         ]
-        paper = "eq. (5), paper: d₁ = 0.973, d₂ = 0.119"
+        paper = "paper: d₁ = 0.973, d₂ = 0.119"
         legend.append("eq. (4), τ₀ fitted" if kind == "exponential_wall" else paper)
     scene = load_scene(kind)
     curves, drawn = analyse(scene, axes, rows), []

@@ -4,8 +4,6 @@ reproducible to the last bit."""
 from __future__ import annotations
 
 import hashlib
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -335,19 +333,3 @@ def test_bending_compliance_is_that_of_the_dense_matrix(rings):
         .sum(axis=1)
     )
     assert bending_compliance(stiffness) == pytest.approx(soft.max(), rel=1e-5)
-
-
-def test_a_lattice_needs_a_part_of_scipy_spatial_alone_and_the_package_stays_whole():
-    code = """
-import sys
-from taichi_disk import Lattice
-Lattice.from_points([(-1, -1), (1, -1), (1, 1), (-1, 1), (0, 0)])
-unneeded = {"scipy.spatial", "scipy.spatial.distance", "scipy.special", "numpy.f2py", "numpy.testing"}
-assert not unneeded & set(sys.modules)
-import numpy, scipy.interpolate, scipy.spatial
-assert numpy.testing.assert_allclose and numpy.f2py.crackfortran
-from taichi_disk.lattice import spatial
-assert scipy.spatial.Delaunay is spatial.Delaunay and scipy.spatial.distance
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr

@@ -4,6 +4,7 @@ bytes each time."""
 from __future__ import annotations
 
 import filecmp
+import os
 import subprocess
 import sys
 import time
@@ -20,7 +21,8 @@ from taichi_disk.computation.contact import results_time
 from taichi_disk.computation.outcome import compute
 from taichi_disk.lattice import Lattice, bulk_moduli
 from taichi_disk.output import inline
-from taichi_disk.output.plot import matplotlib_style, plot_run, plotting_beside
+from taichi_disk.output.artist import drawing_process
+from taichi_disk.output.plot import begin_plot, matplotlib_style, plot_run
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import shared_kernels
 
@@ -75,7 +77,7 @@ def test_an_impact_shows_velocity_force_energies_and_imbalance_with_the_same_byt
     assert curve.get_ydata()[[0, -1]] == pytest.approx([-1.0, last]) and list(
         mark.get_ydata()
     ) == pytest.approx([last] * 2)
-    assert [text.get_text() for text in motion.texts] == [f"e = {e:.5f}"]
+    assert [text.get_text() for text in motion.texts] == [f"e = {e:.4f}"]
     assert "contact" in force.texts[0].get_text()
     assert np.array_equal(force.lines[0].get_ydata(), columns["wall_force"])
     shown = {line.get_label(): line.get_ydata() for line in energy.lines}
@@ -88,8 +90,8 @@ def test_an_impact_shows_velocity_force_energies_and_imbalance_with_the_same_byt
             "flight",
             "vibration",
             "elastic",
-            "wall potential",
-            "lost in dashpots",
+            "wall",
+            "dashpots",
         ]
         and total == "sum of all"
     )
@@ -165,19 +167,20 @@ def test_plots_drawn_by_threads_beside_other_styles_and_by_another_process_have_
     with ThreadPoolExecutor(2) as threads:
         first, second = threads.map(draw, ("a.png", "b.png"))
     assert first == second and len(first) < 500_000
-    drawn_here = []
-    monkeypatch.setattr(
-        "taichi_disk.output.plot.plot_run",
-        lambda *run: (drawn_here.append(run), plot_run(*run)),
-    )
+    monkeypatch.setattr("taichi_disk.output.plot.plot_run", plot_run)
     # also if that process fails
-    for python in (sys.executable, "/nowhere/python", "/bin/false"):
+    for python, is_elsewhere in (
+        (sys.executable, True),
+        ("/nowhere/python", False),
+        ("/bin/false", False),
+    ):
         monkeypatch.setattr(sys, "executable", python)
         (tmp_path / "b.png").unlink()
-        with plotting_beside(film=True) as plot:
-            plot(tmp_path / "b.png", *impact)()
+        with drawing_process(film=True) as artist:
+            process = artist.begin(os.getpid)
+            begin_plot(artist, tmp_path / "b.png", *impact)()
+            assert (process() != os.getpid()) == is_elsewhere
         assert (tmp_path / "b.png").read_bytes() == first
-    assert len(drawn_here) == 2
 
 
 def test_matplotlib_is_not_imported_for_names_and_colours_of_the_curves():

@@ -12,9 +12,10 @@ from bodies import RIGID, to_pixels
 
 from taichi_disk.lattice import disk_lattice
 from taichi_disk.physics import ExponentialWall, Springs
-from taichi_disk.render import legend, palette
-from taichi_disk.render.geometry import ARROW, Camera, arrows, edge_height
-from taichi_disk.render.legend import LEAST, Legend
+from taichi_disk.render import palette, scales
+from taichi_disk.render.geometry import ArrowStyle, Camera, arrows, edge_height
+from taichi_disk.render.legend import LEAST, Legend, Letters, footer
+from taichi_disk.render.moments import Caption
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import LEVELS, THEMES, colour_map
 
@@ -126,7 +127,7 @@ def test_compression_is_blue_and_what_rests_stands_out_from_the_ground(theme):
 def test_scales_end_at_round_numbers_with_even_ticks(value):
     limit = palette.round_near(value)
     assert 1 / 1.25 < limit / value < 1.25
-    below = legend.round_below(value)
+    below = scales.round_below(value)
     assert value / 2.5 < below <= value and f"{below:.6e}"[:8] in (
         "1.000000",
         "2.000000",
@@ -143,21 +144,19 @@ def test_scales_end_at_round_numbers_with_even_ticks(value):
         "8",
     )
     for signed in (True, False):
-        ticks = legend.ticks_to(limit, signed)
+        ticks = scales.ticks_to(limit, signed)
         assert ticks[-1] == pytest.approx(limit) and ticks[0] == pytest.approx(
             -limit if signed else 0.0
         )
         assert np.allclose(np.diff(ticks), ticks[-1] - ticks[-2]) and 0.0 in ticks
-        assert all(len(legend.label(tick)) <= 8 for tick in ticks)
+        assert all(len(scales.label(tick)) <= 8 for tick in ticks)
 
 
 def test_numbers_are_written_as_in_print():
-    assert legend.label(-0.05, percent=True, signed=True) == "−5 %"
-    assert (
-        legend.label(2e-7) == "2·10⁻⁷"
-        and legend.label(0.0) == "0"
-        and legend.label(0.5, signed=True) == "+0.5"
-    )
+    assert scales.label(-5.0, signed=True) == "−5"
+    assert scales.label(2e-7) == "2·10⁻⁷"
+    assert scales.label(0.0) == "0"
+    assert scales.label(0.5, signed=True) == "+0.5"
 
 
 def test_the_round_number_next_to_a_value_is_the_one_nearest_in_ratio():
@@ -198,11 +197,11 @@ def test_arrows_that_would_touch_become_one_with_the_mean_force_and_weak_ones_ar
         decay_length=1 / 300, contact_forces=lambda *state: pushes
     )
     x = default_painter.lattice.positions + [5.0, 0.0]
-    feet, mean = default_painter.pushes(x, 0 * x, 10.0)
+    feet, mean = default_painter.pushes(x, 0 * x, x, 10.0)
     assert feet == pytest.approx(
         x[lowest[:3]].mean(axis=0)[None]
     ) and mean == pytest.approx(np.array([[0.0, 0.4]]))
-    assert len(default_painter.pushes(x, 0 * x, 1e-3)[0]) == 3
+    assert len(default_painter.pushes(x, 0 * x, x, 1e-3)[0]) == 3
 
 
 def test_arrows_begin_above_the_wall_s_edge_however_much_displacements_are_magnified():
@@ -213,21 +212,25 @@ def test_arrows_begin_above_the_wall_s_edge_however_much_displacements_are_magni
     )
     x = np.maximum(default_painter.lattice.positions, [-9.0, 0.1])  # flat below
     assert default_painter.placed(x)[lowest, 1].min() < 0.0 < default_painter.edge
-    feet, _ = default_painter.pushes(x, 0 * x, 1e-3)
+    placed = default_painter.placed(x)
+    feet, _ = default_painter.pushes(x, 0 * x, placed, 1e-3)
     assert feet[:, 1].min() == default_painter.edge
 
 
 def test_the_head_of_a_short_arrow_is_in_proportion_and_never_longer_than_the_arrow():
-    force, head = np.array([1.0, 0.3, 0.02]), 0.06
-    forces = np.stack([np.zeros(3), force], axis=1)
-    points, _ = arrows(np.zeros((3, 2)), forces, head, 0.02, 0.01, THEMES["light"])
-    # first its rim, then the arrow; nine corners each
-    _, front = np.split(points.reshape(2, 3, 9, 2), 2)
-    back, tip = front[0, :, 6], front[0, :, 8]
-    assert tip[:, 1] == pytest.approx(ARROW * force)
-    half, length = np.abs(back[:, 0]), tip[:, 1] - back[:, 1]
-    assert half == pytest.approx([head, 0.3 * ARROW * 0.3, 0.3 * ARROW * 0.02])
-    assert (length < tip[:, 1]).all() and length == pytest.approx(2.0 * half)
+    length, head = np.array([0.35, 0.1, 0.007]), 0.06
+    vectors = np.stack([np.zeros(3), length], axis=1)
+    style = ArrowStyle(shaft=0.02, head=head, rim=0.01, fade=0.0)
+    theme = THEMES["light"]
+    points, colours = arrows(np.zeros((3, 2)), vectors, style, theme.arrow, theme)
+    assert (colours[:, :3] == theme.ground).all(axis=1).sum() == len(points) / 2
+    # first the rim, then the arrow: three filled triangles each, the last is the head
+    front = points[len(points) // 2 :][: 3 * 9].reshape(3, 9, 2)
+    back, tip = front[:, 6], front[:, 7]
+    assert tip[:, 1] == pytest.approx(length)
+    half, depth = np.abs(back[:, 0]), tip[:, 1] - back[:, 1]
+    assert half == pytest.approx([head, *(0.65 / 1.56 * length[1:])])
+    assert (depth < tip[:, 1]).all() and depth == pytest.approx(1.56 * half)
 
 
 # ---- displacements shown larger
@@ -251,74 +254,67 @@ def test_a_rigid_motion_stays_where_it_is_and_a_strain_is_drawn_so_many_times_as
     assert (
         magnified_painter.remarks == ["displacements × 20"] and painter().remarks == []
     )
-    plain, titled = (
-        Legend(each, 720, ("A", "B"), ("t",), 1).still(250.0)
-        for each in (painter(), magnified_painter)
-    )
-    assert (plain[:60] != titled[:60]).any() and (plain[60:] == titled[60:]).all()
+    plain, titled = (still(each)[0] for each in (painter(), magnified_painter))
+    assert (plain[:550] == titled[:550]).all() and (plain[550:] != titled[550:]).any()
+
+
+def still(painter, size=720):
+    """Return the constant words of a picture, and its scales."""
+    letters = Letters(size / 720)
+    block = Legend(painter, (size, size), letters, ("A", "B"), [Caption("t")])
+    block.set_band(False)
+    below = scales.Scales(painter, (size, footer(letters, size)), letters)
+    return block.still(), below.still(250.0 * size / 720)
 
 
 # ---- text
 
 
+@pytest.mark.parametrize("is_band", [False, True])
 @pytest.mark.parametrize("size", [64, 200, 240, 360, 720, 1080])
-def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, monkeypatch):
-    drawn, original = [], legend.draw_line
-
-    def record(draw, at, line, letters, ink, bold=False):
-        drawn.append(
-            (
-                line,
-                letters,
-                at[0],
-                at[0] + legend.text_width(line, letters, bold),
-                at[1],
-            )
-        )
-        original(draw, at, line, letters, ink, bold)
-
-    monkeypatch.setattr(legend, "draw_line", record)
-    lines = "t =   2.826 R/c", "greatest compression"
+def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, is_band):
+    caption = Caption(
+        "t = −14.12 R/c", "−0.78 v", (), "greatest compression", "e = 0.9672"
+    )
     title = (
         "Impact on an elastic wall",
         "v = 0.1 c    η* = 0    a = 300/R",
         "N = 1,099    seed 0    reset every 0.003 R/c",
     )
-    block = Legend(painter(), size, title, lines, 2)
-    scale = Camera.fit(VIEW, size, size - block.header - block.footer).scale
-    picture = block.still(scale)
-    still = [(start, end, row) for _, _, start, end, row in drawn]
-    assert all(
-        a[2] != b[2] or a[1] <= b[0] or b[1] <= a[0]
-        for a in still
-        for b in still
-        if a is not b
-    )
-    block.write(picture, lines)
-    assert all(letters >= LEAST and end <= size for _, letters, _, end, _ in drawn)
-    assert scale * 2.2 > 0.4 * size  # the disk is still visible
-    shown = " ".join(line for line, *_ in drawn)
-    if size >= 360:
-        wanted = (
-            "Impact on an elastic wall",
-            lines[0],
-            "η* = 0",
-            "0.003 R/c",
-            "−0.02",
-            "pressure (averaged)  [Mc²/R²]",
-            "0.5 R",
-            "wall force",
-        )
-        assert all(part in shown for part in wanted)
+    letters = Letters(size / 720)
+    block = Legend(painter(), (size, size), letters, title, [caption])
+    header = block.set_band(is_band)
+    boxes = block.boxes()
+    below = footer(letters, size)
+    if size < 240:
+        assert not boxes and not header and not below
+        return
+    assert len(boxes) > 6
+    for k, (left, right, top, bottom) in enumerate(boxes):
+        assert left >= 0.0 and right <= size and top >= 0.0 and bottom <= size - below
+        for other in boxes[k + 1 :]:
+            is_beside = right <= other[0] or other[1] <= left
+            assert is_beside or bottom <= other[2] + 3.0 or other[3] <= top + 3.0
+    assert letters.small >= LEAST
+    room = size - header - below
+    assert room > 0.4 * size  # the disk is still visible
+    pixels = block.still()
+    block.write(pixels, caption)
+    written = pixels.copy()
+    block.erase(pixels)
+    assert (pixels == block.still()).all() and (written != pixels).any()
+
+
+def test_words_of_a_hall_are_larger_by_the_user_s_factor():
+    assert Letters(1.0, 1.5).small == 1.5 * Letters(1.0).small
+    assert footer(Letters(1.0, 1.5), 720) > footer(Letters(1.0), 720)
 
 
 @pytest.mark.parametrize("colour", ["pressure", "shear"])
 def test_the_colour_bar_shows_the_map(colour):
     coloured_painter = painter(colour=colour, theme="dark")
-    bar = np.rint(255 * coloured_painter.colours(np.linspace(0.0, 1.0, 300))).astype(
+    bar = np.rint(255 * coloured_painter.colours(np.linspace(0.0, 1.0, 280))).astype(
         np.uint8
     )
-    assert any(
-        np.array_equal(row[210:510], bar)
-        for row in Legend(coloured_painter, 720, ("A",), ("t",), 1).still(250.0)
-    )
+    _, below = still(coloured_painter)
+    assert any(np.array_equal(row[220:500], bar) for row in below)

@@ -1,0 +1,44 @@
+"""Messages of the operating system name a file, or what failed."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from taichi_disk.cli import main
+from taichi_disk.errors import reason, system_message
+
+
+def caught(function, *arguments):
+    with pytest.raises(OSError) as info:
+        function(*arguments)
+    return info.value
+
+
+def fail():
+    raise OSError(28, "No space left on device")
+
+
+def test_a_message_names_the_file_or_else_the_function_that_failed():
+    assert reason(caught(open, "/nowhere/a")) == "No such file or directory"
+    message = system_message(caught(open, "/nowhere/a"))
+    assert message == "/nowhere/a: No such file or directory"
+    message = system_message(caught(fail))
+    assert message == "No space left on device (in fail of test_errors)"
+    assert system_message(OSError("no words")) == "no words"
+    assert reason(ValueError("a")) == "a"
+
+
+@pytest.mark.parametrize("command", ["run", "accuracy", "check"])
+def test_a_deleted_working_folder_is_named(tmp_path, monkeypatch, capsys, command):
+    folder = tmp_path / "gone"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    folder.rmdir()
+    main([command, "exponential_wall"])
+    error = capsys.readouterr().err
+    assert "No such file" not in error
+    if command != "check":
+        assert "the working folder has been deleted: change to another one" in error
+    os.chdir(tmp_path)
