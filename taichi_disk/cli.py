@@ -86,7 +86,7 @@ def _print_error(text: str) -> None:
         print(text, file=sys.stderr, flush=True)
 
 
-def _note(text: str) -> None:
+def _say(text: str) -> None:
     _print_error(f"note: {text}")
 
 
@@ -127,7 +127,7 @@ def _run(arguments: argparse.Namespace) -> int:
     )
     options |= {
         "count_on": arguments.out is None,
-        "say": _note,
+        "say": _say,
         "started": perf_counter() - BEGAN,
     }
     with terminal(sys.stderr) as progress:
@@ -135,7 +135,7 @@ def _run(arguments: argparse.Namespace) -> int:
     summary = result.summary
     print_result(summary, result.scenario.labels, result.out)
     for text in summary.get("notes", ()):
-        _note(text)
+        _say(text)
     errors = [summary.get("video_error"), summary.get("export_error")]
     if summary["status"] != "done":
         errors.append(summary["reason"])
@@ -154,7 +154,7 @@ def _sweep(arguments: argparse.Namespace) -> int:
     options = _options(arguments, "jobs", "scheduler", "part", "estimate")
     with terminal(sys.stderr) as progress:
         result = run_sweep(
-            sweep, _out(arguments), progress=progress, say=_note, **options
+            sweep, _out(arguments), progress=progress, say=_say, **options
         )
     print_sweep(result)
     return int(bool(result.failed))
@@ -204,7 +204,7 @@ def _render(arguments: argparse.Namespace) -> None:
         if value is not None
     ]
     with terminal(sys.stderr) as progress:
-        load = partial(Result.load, progress=progress, estimate=False, say=_note)
+        load = partial(Result.load, progress=progress, estimate=False, say=_say)
         result = load(arguments.folder, overrides)
         others = [load(folder) for folder in arguments.compare]
         out = arguments.out
@@ -240,13 +240,13 @@ def _export(arguments: argparse.Namespace) -> None:
     form = arguments.format
     if not form and not arguments.out:
         form = "xyz"
-    result = Result.load(arguments.folder, say=_note)
+    result = Result.load(arguments.folder, say=_say)
     out = result.export(
         arguments.out or arguments.folder,
         form,
         arguments.frames,
         arguments.times,
-        say=_note,
+        say=_say,
     )
     print(f"trajectory in {out}")
 
@@ -265,7 +265,7 @@ def _accuracy(arguments: argparse.Namespace) -> None:
     from taichi_disk.accuracy.study import study
 
     name = " ".join([Path(arguments.scene).stem, *arguments.overrides])
-    study(scene, _out(arguments, "_accuracy"), name, _note)
+    study(scene, _out(arguments, "_accuracy"), name, _say)
 
 
 def _doctor(arguments: argparse.Namespace) -> int:

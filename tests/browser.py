@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import platform
 import re
 import shutil
@@ -104,7 +105,9 @@ class Browser:
         return float(self.script(f"return window.sandbox.state.{name}"))
 
     def results(self) -> list[dict[str, Any]]:
-        return list(self.script("return window.sandbox.panel.results"))
+        # as text, because Firefox's driver rounds numbers
+        text = self.script("return JSON.stringify(window.sandbox.panel.results)")
+        return list(json.loads(text))
 
     def setting(self, name: str, word: bool = False) -> Any:
         """Return a value of the scene that would be saved."""

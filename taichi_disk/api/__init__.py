@@ -217,9 +217,9 @@ class Result:
         of the disk's vibration.
         Raises InputError unless `count` is from 1 to 2 N - 3.
         """
-        disk, n = disk_of(self.lattice), self.lattice.disk_points
+        n = self.lattice.disk_points
         return modes(
-            disk,
+            disk_of(self.lattice),
             self.scenario.model.springs,
             self.outcome.positions[:n],
             self.outcome.velocities[:n],
@@ -325,7 +325,9 @@ class Result:
         """
         from taichi_disk.render.state_figure import draw_state
 
-        scene = self.scene.with_({"video.colour": colour}) if colour else self.scene
+        scene = self.scene
+        if colour:
+            scene = scene.with_({"video.colour": colour})
         return draw_state(self.outcome, scene.video, t, ax)
 
     def show(
@@ -432,8 +434,9 @@ class Result:
         Raises InputError if `out` holds another run (unless `overwrite`) or files that
         no run wrote.
         """
-        out, text = as_path(out, "out"), self.own.repeating(self.scene).to_yaml()
-        with run_folder(out, text, True, overwrite, lattice=self.own.digest) as folder:
+        out = as_path(out, "out")
+        text = self.own.repeating(self.scene).to_yaml()
+        with run_folder(out, text, False, overwrite, lattice=self.own.digest) as folder:
             work = Work(self.scene, self.own.disk, self.own.velocities)
             work.write_start(folder.path, self.scenario)
             with drawing_process(video) as artist:
@@ -472,7 +475,8 @@ class Result:
         lattice.npz has been changed.
         """
         folder = as_path(folder, "folder")
-        path, summary = folder / "scene.yaml", files.read_summary(folder)
+        path = folder / "scene.yaml"
+        summary = files.read_summary(folder)
         if not path.is_file() or "status" not in summary:
             name = "summary.json that can be read" if path.is_file() else "scene.yaml"
             raise InputError(
@@ -510,7 +514,7 @@ class Result:
 
 @reported
 @runtime.alone()
-def run(
+def run(  # noqa: PLR0913 (keywords, one for each option of the command)
     scene: Scene | Source,
     out: Path | str | None = None,
     *,
@@ -564,23 +568,11 @@ def run(
     the disk is full, the result is returned, and `summary["status"]` is "failed".
     """
     raise_if_interrupted()  # during imports
-    scene = scene if isinstance(scene, DiskScene) else load_scene(scene)
-    for name in changes:
-        keys = [
-            key for section in scene.sections().values() for key in section.schema()
-        ]
-        arguments = [
-            one.name
-            for one in signature(run).parameters.values()
-            if one.kind is one.KEYWORD_ONLY
-        ]
-        if not scene.homes(name) and set(
-            nearest(name, [*scene.sections(), *keys, *arguments])
-        ) & {*arguments}:
-            raise InputError(
-                f"{name}: unknown argument of run{did_you_mean(name, arguments)}"
-            )
-    scene = scene.with_(changes) if changes else scene
+    if not isinstance(scene, DiskScene):
+        scene = load_scene(scene)
+    if changes:
+        _check_arguments(scene, changes)
+        scene = scene.with_(changes)
     if lattices is not None and not (
         isinstance(lattices, (int, np.integer)) and 1 <= lattices <= MOST_LATTICES
     ):
@@ -600,9 +592,31 @@ def run(
             raise InputError("export: needs a folder, `out`")
         outcome = work.solve(work.build(threads), **options)
         return Result(work.scene, outcome, own=own)
-    out, text = as_path(out, "out"), own.repeating(work.scene).to_yaml()
-    with run_folder(out, text, not count_on, overwrite, say, own.digest) as folder:
-        outcome = work.into(folder, video, export, threads, **options)
+    out = as_path(out, "out")
+    text = own.repeating(work.scene).to_yaml()
+    with run_folder(out, text, count_on, overwrite, say, own.digest) as folder:
+        if export:
+            from taichi_disk.output.export import check_export
+
+            check_export(folder.path, export)
+        with work.failing_into(folder.path), drawing_process(video) as artist:
+            scenario = work.build(threads)
+            work.write_start(folder.path, scenario)
+            outcome = work.solve(scenario, **options)
+            if export:
+                work.export(outcome, folder.path, export)
+            work.write(folder, outcome, video, artist)
     # without room for anything there is no folder
     written = folder.out if folder.out.is_dir() else None
     return Result(work.scene, outcome, written, own)
+
+
+def _check_arguments(scene: Scene, changes: dict[str, Any]) -> None:
+    """Raise InputError if a name in `changes` is more like an argument of `run` than
+    like a key of the scene."""
+    arguments = {*signature(run).parameters}
+    for name in changes:
+        names = [*scene.sections(), *scene.key_names(), *arguments]
+        if not scene.homes(name) and arguments & {*nearest(name, names)}:
+            hint = did_you_mean(name, arguments)
+            raise InputError(f"{name}: unknown argument of run{hint}")

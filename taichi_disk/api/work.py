@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -21,7 +21,7 @@ from taichi_disk.computation.stability import spectrum
 from taichi_disk.errors import NoPictures, SimulationError
 from taichi_disk.lattice import Lattice, own_start
 from taichi_disk.output import files
-from taichi_disk.output.artist import Artist, drawing_process
+from taichi_disk.output.artist import Artist
 from taichi_disk.output.plot import begin_plot
 from taichi_disk.output.report import headline
 from taichi_disk.output.run_folder import RunFolder
@@ -29,8 +29,8 @@ from taichi_disk.progress import Progress, silent
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import setup_of
 
-# default and greatest number of frames of a trajectory
-FRAMES, MOST_FRAMES = 200, 100_000
+FRAMES = 200  # default number of frames of a trajectory
+MOST_FRAMES = 100_000
 
 
 class Work:
@@ -43,6 +43,7 @@ class Work:
         scene: the scene, whose throw is that of user-supplied velocities.
         own: user-supplied lattice and velocities.
         clock: wall-clock time of each stage [s].
+        summary: content of summary.json; empty until the scene has been computed.
     """
 
     def __init__(
@@ -54,7 +55,10 @@ class Work:
         started: float = 0.0,
     ) -> None:
         self._since = perf_counter()
-        self.clock = {"start": started} if started else {}
+        self.clock: dict[str, float] = {}
+        if started:
+            self.clock["start"] = started
+        self.summary: dict[str, Any] = {}
         self.progress = progress or silent
         self.own = own_start(scene.lattice, lattice, velocities)
         self.scene = scene
@@ -70,126 +74,110 @@ class Work:
         """Add the time since the last lap to `stage`, minus the times `within` it,
         which belong to other stages."""
         now = perf_counter()
-        for name, seconds in (
-            within | {stage: now - self._since - sum(within.values())}
-        ).items():
-            self.clock[name] = self.clock.get(name, 0.0) + seconds
+        seconds = now - self._since - sum(within.values())
+        for name, time in {**within, stage: seconds}.items():
+            self.clock[name] = self.clock.get(name, 0.0) + time
         self._since = now
 
     def build(self, threads: int | None = None) -> Scenario:
         """Return the scenario of the scene. Raises InputError if it cannot be computed.
         `threads` as for `run`."""
-        scene, own = self.scene, self.own
         runtime.start(threads)
-        scenario = scene.scenario(self._body(), own.velocities)
+        scenario = self.scene.scenario(self._body(), self.own.velocities)
         self.lap("build")
         # names the file of a user-supplied lattice
-        return replace(scenario, scene=own.repeating(scenario.scene))
+        return replace(scenario, scene=self.own.repeating(scenario.scene))
 
     def solve(
         self, scenario: Scenario, lattices: int | None = None, **options: Any
     ) -> Outcome:
         """Compute `scenario` and return the outcome with a complete summary. Options
         and errors as for `compute`."""
-        scene, own = self.scene, self.own
-        spectrum_of = spectrum if own.disk else setup_of(scene).spectrum
+        scene = self.scene
+        spectrum_of = spectrum
+        if self.own.disk is None:
+            spectrum_of = setup_of(scene).spectrum
         outcome = compute(scenario, self.progress, spectrum_of=spectrum_of, **options)
         self.lap("simulate", compile=outcome.compile_seconds)
         summary = self._heading("done") | outcome.summary | {"video": None}
-        lattice = scenario.lattice
-        notes = [*lattice.notes, *scene.notes(lattice.disk_points)]
-        count, note = lattice_count(own, outcome, lattices)
+        count, notes = lattice_count(self.own, outcome, lattices)
         if count > 1:
             summary["lattices"] = compare_lattices(
                 scene, outcome, count, self.progress, options["force"]
             )
             self.lap("lattices")
-        if notes := [*notes, *note]:
+        lattice = scenario.lattice
+        notes = [*lattice.notes, *scene.notes(lattice.disk_points), *notes]
+        if notes:
             summary["notes"] = notes
+        self.summary = summary
         return replace(outcome, summary=summary)
 
     def _heading(self, status: str, reason: str | None = None) -> dict[str, Any]:
-        scene, own, spec = self.scene.scene, self.own, self.scene.lattice
+        own = self.own
+        spec = self.scene.lattice
         summary: dict[str, Any] = {
-            "scene": scene,
+            "scene": self.scene.scene,
             "status": status,
             "reason": reason,
             "seed": spec.seed,
-        }
-        summary |= {
             "versions": files.versions(),
             "wall_clock": self.clock,
             **files.provenance(),
         }
         if own.digest:
             summary["lattice_digest"] = own.digest
-        if (own.disk and spec.file == "none") or (
-            own.velocities is not None and spec.velocities == "none"
-        ):
+        has_disk = own.disk is not None and spec.file == "none"
+        has_velocities = own.velocities is not None and spec.velocities == "none"
+        if has_disk or has_velocities:
             summary["own_start"] = (
                 "lattice or velocities were given in Python: lattice.npz holds them"
             )
         return summary
 
-    def into(
-        self,
-        folder: RunFolder,
-        video: bool,
-        export: str | None,
-        threads: int | None,
-        **options: Any,
-    ) -> Outcome:
-        """Compute the scene and write its files, or the reason of a failure. Arguments
-        and errors as for `run`."""
-        if export:
-            from taichi_disk.output.export import check_export, export_run
-
-            check_export(folder.path, export)
-        known: dict[str, Any] = {}
+    @contextmanager
+    def failing_into(self, path: Path) -> Iterator[None]:
+        """Write the reason into the folder `path` if the block fails. The failure
+        passes on, unless only files of a computed scene cannot be written."""
         try:
-            with drawing_process(video) as artist:
-                scenario = self.build(threads)
-                self.write_start(folder.path, scenario)
-                outcome = self.solve(scenario, **options)
-                known = outcome.summary
-                if export:
-                    times = np.linspace(0.0, outcome.columns["t"][-1], FRAMES)
-                    try:
-                        moments = outcome.replay(times)
-                        export_run(scenario, moments, folder.path, export)
-                    except Exception as error:
-                        known["export_error"] = str(error) or repr(error)
-                    self.lap("export")
-                try:
-                    self.write(folder, outcome, video, artist)
-                except SimulationError as error:  # the disk is full
-                    # The computed numbers are returned and printed in any case.
-                    known |= {"status": "failed", "reason": str(error)}
-                    self._write_reason(folder.path, known)
-            return outcome
+            yield
         except (SimulationError, KeyboardInterrupt) as failure:
-            status = (
-                "interrupted" if isinstance(failure, KeyboardInterrupt) else "failed"
-            )
+            status = "failed"
+            if isinstance(failure, KeyboardInterrupt):
+                status = "interrupted"
             self.lap(status)
-            known |= self._heading(status, str(failure) or None)
-            self._write_reason(folder.path, known)
+            is_computed = bool(self.summary)
+            self.summary |= self._heading(status, str(failure) or None)
+            for unfinished in path.glob(".*.new.*"):  # of the process that draws
+                files.remove(unfinished)
+            with suppress(SimulationError):  # there is no room for it
+                files.write_summary(path / "summary.json", self.summary)
             if isinstance(failure, BlowUp):
                 with suppress(SimulationError):  # the reason is the blow-up
-                    files.write_arrays(folder.path / "failure.npz", **failure.last_good)
-            raise
+                    files.write_arrays(path / "failure.npz", **failure.last_good)
+            # The computed numbers are returned and printed in any case.
+            if status == "interrupted" or not is_computed:
+                raise
 
-    def _write_reason(self, path: Path, summary: dict[str, Any]) -> None:
-        """Write the summary of a run without its end, if there is room for it."""
-        for unfinished in path.glob(".*.new.*"):  # of the process that draws the plot
-            files.remove(unfinished)
-        with suppress(SimulationError):
-            files.write_summary(path / "summary.json", summary)
+    def export(self, outcome: Outcome, path: Path, format: str) -> None:
+        """Write a trajectory into the folder `path`, or the reason why there is none
+        into the summary."""
+        from taichi_disk.output.export import export_run
+
+        times = np.linspace(0.0, outcome.columns["t"][-1], FRAMES)
+        try:
+            export_run(outcome.scenario, outcome.replay(times), path, format)
+        except Exception as error:
+            self.summary["export_error"] = str(error) or repr(error)
+        self.lap("export")
 
     def write_start(self, path: Path, scenario: Scenario) -> None:
-        lattice, impedance = scenario.lattice, scenario.model.impedance
         files.write_lattice(
-            path / "lattice.npz", lattice, scenario.velocities, impedance, self.own.disk
+            path / "lattice.npz",
+            scenario.lattice,
+            scenario.velocities,
+            impedance=scenario.model.impedance,
+            own=self.own.disk,
         )
 
     def write(
@@ -200,7 +188,9 @@ class Work:
 
         `artist` draws curves.
         """
-        path, summary, scenario = folder.path, outcome.summary, outcome.scenario
+        path = folder.path
+        summary = outcome.summary
+        scenario = outcome.scenario
         # The first file holds the numbers, in case there is no room for the others.
         incomplete = {"status": "failed", "reason": "its files could not be written"}
         files.write_summary(path / "summary.json", summary | incomplete)

@@ -163,7 +163,9 @@ class Driver:
 
     def _launch(self, last: int) -> None:
         simulation = self.simulation
-        needed = self.needed_rows if self.can_end else NEVER
+        needed = NEVER
+        if self.can_end:
+            needed = self.needed_rows
         rows, self.settled_rows = simulation.advance(
             steps=min(self._launch_steps, last - simulation.step_number),
             stride=self.stride,
@@ -217,8 +219,10 @@ class Driver:
         """Repeat the last attempt bitwise, and yield the states at the steps nearest
         to `times` (ascending)."""
         runtime.start()  # another process may have computed the run
-        simulation, snapshot = self._simulation(), self.start
-        mine, stride = simulation.generation, self._launch_steps
+        simulation = self._simulation()
+        snapshot = self.start
+        mine = simulation.generation
+        stride = self._launch_steps
         for number in np.rint(np.asarray(times) / self.step.dt).astype(int):
             # another run has reset the simulation meanwhile
             if simulation.generation != mine:
@@ -239,7 +243,8 @@ class Driver:
     # ---- finish or fail
 
     def _finish(self) -> None:
-        simulation, state = self.simulation, self.state
+        simulation = self.simulation
+        state = self.state
         self.largest_force = simulation.peak_point_force(state)
         if self.scenario.scene.time.dt == "auto":
             reason = unacceptable(self.scenario, self.columns)
@@ -265,7 +270,8 @@ class Driver:
             self.row = simulation.now
         self.largest_force = simulation.peak_point_force()
         fraction = self.step.dt / self.step.limit_under(self.largest_force)
-        x, v = simulation.positions(), simulation.velocities()
+        x = simulation.positions()
+        v = simulation.velocities()
         reason = explained(self.scenario, self.step.dt, fraction, x, what)
         self._fail(
             BlowUp(

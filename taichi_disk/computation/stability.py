@@ -71,9 +71,9 @@ def step_limit(
 ) -> float:
     """Return the largest stable step [R/c] if no force of the wall on a point exceeds
     `point_force` [M c^2/R]."""
-    added = (
-        model.wall.added_stiffness(point_force) / spectrum.mass if model.wall else 0.0
-    )
+    added = 0.0
+    if model.wall:
+        added = model.wall.added_stiffness(point_force) / spectrum.mass
     omega = float(np.sqrt(spectrum.omega**2 + added))
     if model.springs.damped and integrator.dashpots == "explicit":
         return explicit_limit(omega, model.springs.eta * spectrum.damping)

@@ -195,6 +195,8 @@ class StepControl:
 def fitted(dt: float, interval: float) -> float:
     """Return the longest step up to `dt` that divides `interval` [R/c] into whole
     steps, or `dt` if `interval` is 0."""
+    if not interval:
+        return dt
     # The factor prevents an additional step if dt is a rounded-down whole fraction of
     # the interval.
-    return interval / ceil((1.0 - 1e-9) * interval / dt) if interval else dt
+    return interval / ceil((1.0 - 1e-9) * interval / dt)

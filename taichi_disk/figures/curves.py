@@ -3,20 +3,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from taichi_disk.figures import theory
+from taichi_disk.figures.axes import (
+    FONT,
+    GREY,
+    curve_label,
+    curve_styles,
+    explain_bars,
+    log_if_wide,
+    one_plot,
+    to_change,
+)
 from taichi_disk.figures.theory import Fit
 from taichi_disk.lattice import Array
 from taichi_disk.output.files import atomic_write
@@ -37,32 +44,12 @@ MATERIAL = {
     ("lattice", "file"),
 }
 
-MARKERS = "osD^vPX"
-COLOURS = matplotlib.colormaps["plasma"]
-LIGHTEST = 0.62  # place in COLOURS whose contrast to white is 3.2
-GREY = "0.45"
 EQUATIONS = {"eq5": "eq. (5)", "eq4": "eq. (4)"}
 PARAMETERS = {"eq5": "d₁ and d₂", "eq4": "τ₀"}
 LINES = {"eq5": "-", "eq4": ":"}
 # Lines of laws that do not hold: long dashes instead of a solid line, short ones
 # instead of a dotted line.
 MISFIT: dict[str, Any] = {"-": (0.0, (7.0, 2.5)), ":": (0.0, (2.5, 2.0))}
-SYMBOLS = {
-    "eta_star": "η*",
-    "viscosity": "η",
-    "points": "N",
-    "boundary": "",
-    "method": "",
-}
-FONT: dict[Any, Any] = {
-    "font.size": 9,
-    "legend.fontsize": 8,
-    "legend.handlelength": 1.6,
-    "legend.columnspacing": 1.0,
-    "lines.linewidth": 1.0,
-    "errorbar.capsize": 1.5,
-    "savefig.dpi": 300,
-}
 METADATA: dict[str, dict[str, Any]] = {
     "png": {"Software": None},
     "svg": {"Date": None},
@@ -259,9 +246,13 @@ def _measured(
         return x, None
     results = {}
     for name in names:
-        table = [[row[place][name] for place in places] for row in complete]
+        table = [_values(row, places, name) for row in complete]
         results[name] = np.array(table, float)
     return x, results
+
+
+def _values(rows: Mapping[Any, Row], places: Iterable[Any], name: str) -> list[Any]:
+    return [rows[place][name] for place in places]
 
 
 def _lattice(row: Row, seed: str | None) -> Any:
@@ -299,63 +290,6 @@ def grouped(
     return groups
 
 
-def curve_rows(
-    curves: Sequence[dict[str, Any]],
-) -> Iterator[tuple[str, list[tuple[str, str]]]]:
-    """Yield for each of `curves`, results of `Curve.summary`, its label and a list of
-    (law, parameters), as text."""
-    for curve in curves:
-        keys = []
-        for name, value in curve.items():
-            if name not in CURVE_KEYS:
-                keys.append(f"{name}: {_as_text(value)}")
-        keys.append(_counted(curve["lattices"]))
-        laws = []
-        for name, fit in curve["fits"].items():
-            laws.append((FITS[name].title, _fit_text(fit)))
-        yield ", ".join(keys), laws
-
-
-def _as_text(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:g}"
-    return str(value)
-
-
-def _counted(lattices: int) -> str:
-    if lattices == 1:
-        return "1 lattice"
-    return f"{lattices} lattices"
-
-
-def _fit_text(fit: dict[str, Any]) -> str:
-    """Return the fitted parameters with their 95 % intervals, "none" if the law cannot
-    be fitted, and whether it holds."""
-    parts = []
-    for name, value in fit["values"].items():
-        if value is None:
-            parts.append(f"{name} = none")
-            continue
-        part = f"{name} = {value:.4g}"
-        low, high = fit["intervals_95"].get(name, (None, None))
-        if low is not None and high is not None:
-            part += f" [{low:.4g}, {high:.4g}]"
-        parts.append(part)
-    if not fit["holds"]:
-        parts.append(
-            f"rms {fit['rms_residual']:.2g}, {times(fit['rms_over_scatter'])} times the"
-            " scatter: the law does not hold here"
-        )
-    return "   ".join(parts)
-
-
-def times(ratio: float) -> str:
-    """Return a ratio with one digit after the point if it is below 10."""
-    if ratio < 9.95:
-        return f"{ratio:.1f}"
-    return f"{ratio:.0f}"
-
-
 # ---- drawing, as wide as a column of a journal
 
 
@@ -374,29 +308,6 @@ def draw(scene: Scene, curves: list[Curve], out: Path) -> None:
 def curves_figure(scene: Scene, curves: list[Curve]) -> Plot:
     with matplotlib_style({**STYLE, **FONT}):
         return to_change(_drawn(scene, curves))
-
-
-def to_change(figure: Plot) -> Plot:
-    """Prepare a figure for changes: new ticks get its style, and its layout is computed
-    whenever it is drawn."""
-    figure.set_layout_engine("constrained")
-    for ax in figure.axes:
-        grid_style = {
-            "grid_color": STYLE["grid.color"],
-            "grid_linewidth": STYLE["grid.linewidth"],
-        }
-        ax.tick_params(which="both", labelsize=FONT["font.size"], **grid_style)
-    figure.draw_without_rendering()
-    figure.set_dpi(200)
-    return figure
-
-
-def one_plot(height: float) -> tuple[Plot, Axes]:
-    """Return a figure as wide as a column of a journal, `height` [inch] high, and its
-    axes."""
-    figure = Plot(figsize=(3.4, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure, figure.subplots()
 
 
 def _drawn(scene: Scene, curves: list[Curve]) -> Plot:
@@ -431,41 +342,6 @@ def _add_legend(figure: Plot, ax: Axes) -> None:
         loc="outside upper center",
         ncols=2,
     )
-
-
-def curve_label(label: dict[str, Any]) -> str:
-    parts = []
-    for name, value in label.items():
-        symbol = SYMBOLS.get(name.split(".")[-1], name)
-        text = str(value)
-        if isinstance(value, float):
-            text = f"{value:.4g}"
-        if symbol:
-            text = f"{symbol} = {text}"
-        parts.append(text)
-    return ", ".join(parts) or "simulated"
-
-
-def curve_styles(count: int) -> list[dict[str, Any]]:
-    """Return colour and marker of each curve. The order of the curves is that of
-    lightness."""
-    colours = COLOURS(np.linspace(0.0, LIGHTEST, count))
-    styles = []
-    for k, colour in enumerate(colours):
-        marker = MARKERS[k % len(MARKERS)]
-        styles.append({"color": colour, "marker": marker, "elinewidth": 0.8})
-    return styles
-
-
-def explain_bars(ax: Axes, lattices: Iterable[int]) -> None:
-    """Add the meaning of the bars to the legend. `lattices`: numbers of lattices in the
-    means."""
-    several = sorted({count for count in lattices if count > 1})
-    if several:
-        text = f"bars: {' or '.join(map(str, several))} lattices"
-        ax.errorbar(
-            [], [], [], color=GREY, linestyle="none", elinewidth=0.8, label=text
-        )
 
 
 def _points(ax: Axes, curves: list[Curve]) -> list[Any]:
@@ -590,22 +466,12 @@ def _explain_lines(ax: Axes, name: str, fits: Sequence[Fit]) -> None:
 
 def _misfit_text(misfits: Sequence[float]) -> str:
     """Return what the legend says of a law that does not hold: residuals in bars."""
-    lowest = times(min(misfits))
-    highest = times(max(misfits))
+    lowest = theory.times(min(misfits))
+    highest = theory.times(max(misfits))
     ratios = f"{lowest} to {highest}"
     if lowest == highest:
         ratios = lowest
     return f" fails: {ratios} × bars"
-
-
-def log_if_wide(ax: Axes, x: Array) -> None:
-    """Make the axis of positive `x` logarithmic if they span a factor of 4; on a
-    shorter axis labels would overlap."""
-    if x.max() >= 4.0 * x.min() > 0.0:
-        ax.set_xscale("log")
-        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
-        ax.xaxis.set_minor_formatter(NullFormatter())
 
 
 LAWS = {"eq5": _eq5, "eq4": _eq4}  # functions that return the line of a law

@@ -10,8 +10,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from taichi_disk.errors import InputError
-from taichi_disk.figures import curves as drawing
-from taichi_disk.figures.curves import FONT, SYMBOLS, Row, grouped
+from taichi_disk.figures import axes as drawing
+from taichi_disk.figures.axes import FONT, SYMBOLS
+from taichi_disk.figures.curves import Row, grouped
 from taichi_disk.output.inline import Plot
 from taichi_disk.output.plot import STYLE, matplotlib_style
 from taichi_disk.scenes import Scene

@@ -284,3 +284,10 @@ def _over_lattices(
     low, high = np.nanquantile(fits, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0)
     pairs = zip(low.tolist(), high.tolist(), strict=True)
     return values, dict(zip(names, pairs, strict=True))
+
+
+def times(ratio: float) -> str:
+    """Return a ratio with one digit after the point if it is below 10."""
+    if ratio < 9.95:
+        return f"{ratio:.1f}"
+    return f"{ratio:.0f}"

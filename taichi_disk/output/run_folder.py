@@ -153,7 +153,7 @@ class RunFolder:
 def run_folder(
     out: Path | str,
     scene_yaml: str,
-    explicit: bool,
+    count_on: bool,
     overwrite: bool = False,
     say: Callable[[str], None] = lambda text: None,
     lattice: str = "",
@@ -167,8 +167,7 @@ def run_folder(
     Args:
         out: folder of the run.
         scene_yaml: the resolved scene; written as scene.yaml.
-        explicit: whether the user named `out`. If not, and `out` is in use, out-2,
-            out-3, … are tried.
+        count_on: whether to use out-2, out-3, … if `out` is in use.
         overwrite: whether another run in `out` may be replaced.
         say: receives a sentence if another folder is used.
         lattice: digest of a custom lattice or custom velocities, lattice_digest in the
@@ -193,10 +192,10 @@ def run_folder(
             folder = RunFolder(path, asked, [(scene_yaml, lattice)], say)
             if overwrite:
                 folder.replaceable.append(inspect(asked).run)
-            if explicit:
-                folder.choose([asked], "done", " (overwrite=True replaces it)")
-            else:
+            if count_on:
                 folder.out = folder.choose(_numbered(asked), "done")
+            else:
+                folder.choose([asked], "done", " (overwrite=True replaces it)")
         except (OSError, ValueError) as error:
             raise files.cannot_write(asked, error) from None
         try:
@@ -238,9 +237,9 @@ def _copy(old: Path, new: Path) -> None:
 
 def refuse_run(out: Path) -> None:
     """Raise InputError if `out` holds a run, or cannot be read."""
-    if not out.is_dir():
-        return
     try:
+        if not out.is_dir():
+            return
         contents = inspect(out)
     except OSError as error:
         raise files.cannot_write(out, error) from None

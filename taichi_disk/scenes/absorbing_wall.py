@@ -52,7 +52,9 @@ class AbsorbingWallScene(ImpactScene):
     impact: ElasticImpactSection = ElasticImpactSection()
 
     def conflicts(self) -> Conflicts:
-        matched = ["wall.boundary = dashpot"] * (self.wall.boundary == "dashpot")
+        matched = []
+        if self.wall.boundary == "dashpot":
+            matched = ["wall.boundary = dashpot"]
         resets = bool(self.reset_interval)
         conflicts = super().conflicts() + time_conflicts(
             self.time, self.material, *matched, resets=resets
@@ -65,14 +67,13 @@ class AbsorbingWallScene(ImpactScene):
                 f" {rounded_up(least)} R or more"
             )
             conflicts.append(("wall.threshold", text))
-        if (
-            least := oblique.least_width(
-                self.wall, self.impact, self.time, self.softer_k_a
-            )
-        ) > self.wall.width:
+        narrowest = oblique.least_width(
+            self.wall, self.impact, self.time, self.softer_k_a
+        )
+        if narrowest > self.wall.width:
             text = (
-                f"this impact touches the wall up to {0.5 * least:.3g} R from its"
-                f" middle: write {rounded_up(least)} R or more, or another"
+                f"this impact touches the wall up to {0.5 * narrowest:.3g} R from its"
+                f" middle: write {rounded_up(narrowest)} R or more, or another"
                 " impact.offset"
             )
             conflicts.append(("wall.width", text))
@@ -145,12 +146,16 @@ class AbsorbingWallScene(ImpactScene):
 
     @property
     def reset_interval(self) -> float:
-        return self.wall.reset_interval if self.wall.boundary == "reset" else 0.0
+        if self.wall.boundary != "reset":
+            return 0.0
+        return self.wall.reset_interval
 
     @property
     def wall_k_a(self) -> float:
         """Linear spring constant of the wall [M c^2/R^2]."""
-        return self.material.k_a if self.wall.k_a == "same" else self.wall.k_a
+        if self.wall.k_a == "same":
+            return self.material.k_a
+        return self.wall.k_a
 
     @property
     def softer_k_a(self) -> float:

@@ -190,12 +190,9 @@ class Compression(Scenario):
     def unfinished(self, columns: Columns) -> str:
         end = {name: values[-1] for name, values in columns.items()}
         wanted = self.scene.time.tolerance
-        by_star = self.scene.material.viscosity == "auto"
-        best = (
-            "eta_star nearer to 100"
-            if by_star
-            else f"viscosity nearer to {100 / self.lattice.disk_points:.2g}"
-        )
+        best = "eta_star nearer to 100"
+        if self.scene.material.viscosity != "auto":
+            best = f"viscosity nearer to {100 / self.lattice.disk_points:.2g}"
         remedy = "use compression.method: newton, or set compression.max_time higher"
         low, high = self.end_bounds()["wall_force"]
         if (
@@ -239,11 +236,10 @@ class Compression(Scenario):
         before = int(np.searchsorted(t, t[-1] - self.quiet_time))
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = spin[-1] / spin[before]
-            remaining = (
-                float((distance[-1] - distance[before]) * ratio / (1.0 - ratio))
-                if 0.0 < ratio < 1.0
-                else 0.0
-            )
+        remaining = 0.0
+        if 0.0 < ratio < 1.0:
+            change = distance[-1] - distance[before]
+            remaining = float(change * ratio / (1.0 - ratio))
         end = float(distance[-1]) + remaining
         return {
             "xi": self.unloaded - end,
@@ -268,7 +264,9 @@ class Compression(Scenario):
         t = columns["t"]
         kinetic = columns["kinetic"]
         moving = np.flatnonzero(kinetic > AT_REST * kinetic.max())
-        return float(t[moving[-1]] if moving.size else t[-1])
+        if moving.size:
+            return float(t[moving[-1]])
+        return float(t[-1])
 
     def frame_times(self, columns: Columns, frames: int) -> Array:
         t = columns["t"]
@@ -278,10 +276,13 @@ class Compression(Scenario):
 
     def title(self) -> tuple[str, ...]:
         scene = self.scene
+        load = f"P = {self.pressure:g} Mc²/R"
+        parameters = f"{load}    {scene.damping}    a = {scene.wall.a:g}/R"
+        if self.own_velocities:
+            parameters += "    own velocities"
         return (
             f"Compression on a rigid wall ({scene.compression.method})",
-            f"P = {self.pressure:g} Mc²/R    {scene.damping}    a = {scene.wall.a:g}/R"
-            + "    own velocities" * self.own_velocities,
+            parameters,
             scene.described(self.lattice),
         )
 

@@ -32,7 +32,9 @@ def time_conflicts(
     name = time.integrator
     integrator = INTEGRATORS.get(time.integrator)
     limits = []
-    treatment = integrator.dashpots if integrator else "auto"
+    treatment = "auto"
+    if integrator:
+        treatment = integrator.dashpots
     if treatment == "none" and forces:
         limits.append(
             f"cannot integrate velocity-dependent forces ({forces[0]}): write auto or"
@@ -52,12 +54,8 @@ def time_conflicts(
         )
     conflicts = [("time.integrator", f"{name} {limit}") for limit in limits]
     if time.tolerance != "none" and time.dt != "auto":
-        conflicts.append(
-            (
-                "time.tolerance",
-                f"chooses the time step itself: write time.dt: auto, not {time.dt:g}",
-            )
-        )
+        text = f"chooses the time step itself: write time.dt: auto, not {time.dt:g}"
+        conflicts.append(("time.tolerance", text))
     return conflicts
 
 

@@ -299,13 +299,11 @@ class ImpactScenario(Scenario):
         # entirely.
         last = {name: float(values[-1]) for name, values in columns.items()}
         spin = last["angular_momentum"] / self.shape.inertia
-        rigid = 0.5 * (
-            last["com_vx"] ** 2 + last["com_vy"] ** 2 + self.shape.inertia * spin**2
-        )
+        speed2 = last["com_vx"] ** 2 + last["com_vy"] ** 2
+        rigid = 0.5 * (speed2 + self.shape.inertia * spin**2)
         vibration = max(last["kinetic"] + last["elastic"] - rigid, 0.0)
-        clear = self.gap + min(
-            np.sqrt(2.0 * vibration * self.shape.compliance), 2.0 * self.shape.radius
-        )
+        amplitude = np.sqrt(2.0 * vibration * self.shape.compliance)
+        clear = self.gap + min(amplitude, 2.0 * self.shape.radius)
         lowest = last["lowest_y"]
         if abs(spin) * self.shape.radius > last["com_vy"]:
             lowest = min(lowest, last["com_y"] - self.shape.radius)
@@ -317,7 +315,9 @@ class ImpactScenario(Scenario):
         v = columns["com_vy"][-1]
         y = columns["lowest_y"][-1]
         name, damped = self.scene.material.dashpots
-        lower = f", or lower material.{name}" if damped else ""
+        lower = ""
+        if damped:
+            lower = f", or lower material.{name}"
         return (
             f"the disk has not left the wall by t = {columns['t'][-1]:.6g} R/c (v_cm ="
             f" {v:.3g} c, lowest point at {y:.3g} R); set impact.max_time"
@@ -357,19 +357,17 @@ class ImpactScenario(Scenario):
             "restitution": self._speed_after(columns) / self.speed_before,
             "contact_time": end - start,
         }
-        return found | (
-            oblique.along_the_wall(columns, self.outline, self.shape.inertia)
-            if self.scene.is_oblique
-            else {}
-        )
+        if self.scene.is_oblique:
+            inertia = self.shape.inertia
+            found |= oblique.along_the_wall(columns, self.outline, inertia)
+        return found
 
     def result_scales(self, columns: Columns) -> dict[str, float]:
         scales = {"restitution": 1.0, "contact_time": 0.0}
-        return scales | (
-            oblique.scales_along_the_wall(columns, self.outline, self.shape.inertia)
-            if self.scene.is_oblique
-            else {}
-        )
+        if self.scene.is_oblique:
+            inertia = self.shape.inertia
+            scales |= oblique.scales_along_the_wall(columns, self.outline, inertia)
+        return scales
 
     def _speed_after(self, columns: Columns) -> float:
         return float(
@@ -397,25 +395,29 @@ class ImpactScenario(Scenario):
         scene = self.scene
         impact = scene.impact
         friction = scene.wall.friction
-        start = f"    {impact.angle:g} rad from the normal" if impact.angle else ""
-        start += f"    spin {impact.spin:g} c/R" if impact.spin else ""
-        start += f"    μ = {friction:g}" if friction else ""
-        start += f"    turned by {impact.turn:g}" if impact.turn else ""
-        start += "    own velocities" if self.own_velocities else ""
-        return (
-            scene.heading,
-            (
-                f"v = {impact.velocity:g} c    {scene.damping}    a ="
-                f" {scene.wall.a:g}/R{start}"
-            ),
-            scene.described(self.lattice),
-        )
+        words = [
+            f"v = {impact.velocity:g} c",
+            scene.damping,
+            f"a = {scene.wall.a:g}/R",
+        ]
+        if impact.angle:
+            words.append(f"{impact.angle:g} rad from the normal")
+        if impact.spin:
+            words.append(f"spin {impact.spin:g} c/R")
+        if friction:
+            words.append(f"μ = {friction:g}")
+        if impact.turn:
+            words.append(f"turned by {impact.turn:g}")
+        if self.own_velocities:
+            words.append("own velocities")
+        return scene.heading, "    ".join(words), scene.described(self.lattice)
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
         time = time_text(row["t"])
         if not self.scene.is_oblique:
             return time, f"{signed(row['com_vy'] / self.velocity)} v"
         speed = self.scene.impact.velocity
-        across, up = signed(row["com_vx"] / speed), signed(row["com_vy"] / speed)
+        across = signed(row["com_vx"] / speed)
+        up = signed(row["com_vy"] / speed)
         spin = row["angular_momentum"] / self.shape.inertia
         return time, f"{across}, {up} v", f"spin {signed(spin, 3)} c/R"

@@ -147,6 +147,8 @@ class PointFields:
         self.fields = [fields for fields, _ in contents]
         scalars = np.array([number for _, number in numbers], np.float64)
         arrays = [np.asarray(values, np.float64) for _, values in contents]
+        for fields, values in zip(self.fields, arrays, strict=True):
+            check_room(fields, len(values))
         rows = np.array([len(values) for values in arrays], np.int32)
         values = np.concatenate([values.ravel() for values in arrays])
         self._begin(scalars, rows, values)

@@ -89,7 +89,7 @@ class SweepResult:
         )
 
     def _repr_html_(self) -> str:
-        from taichi_disk.figures.curves import curve_rows
+        from taichi_disk.figures.texts import curve_rows
         from taichi_disk.output.inline import card
 
         figure = None
@@ -382,7 +382,7 @@ def _counted(result: SweepResult) -> str:
 
 
 def print_sweep(result: SweepResult) -> None:
-    from taichi_disk.figures.curves import curve_rows
+    from taichi_disk.figures.texts import curve_rows
 
     summary = result.summary
     part = summary.get("part")

@@ -7,6 +7,7 @@ const GRAPHS = [["energy"], ["force", "motion"]]; // what each graph shows, on i
 const TIME_STEP = 5; // the axis of time grows by this [R/c]
 const NAMES = 104; // width for the names of the curves [px]
 const LINE_HEIGHT = 14; // of a name [px]
+const WIDE = 160; // axis of time with room for a number in its middle [px]
 
 // Write names, each with the curve whose colours it has, if any.
 export function legend(caption, names) {
@@ -151,9 +152,9 @@ export class Graphs {
     const part = across / width;
     const times = [
       [0, "0"],
-      [0.5 * part, `${label(end / 2)} R/c`],
-      [part, label(end)],
+      [part, `${label(end)} R/c`],
     ];
+    if (across > WIDE) times.push([0.5 * part, label(end / 2)]);
     const scales = shown.map(({ low, high }) => ({ low, high }));
     const key = JSON.stringify([times, scales]);
     if (key !== canvas.key) frame(canvas.parentNode, [canvas], times, ...scales);

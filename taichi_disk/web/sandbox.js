@@ -26,6 +26,7 @@ const OWN_KEYS = [
 ];
 const NEWEST = 9e6; // above the number of every state: acknowledges all of them
 const MESSAGE_TIME = 6000; // for which a message is shown [ms]
+const LEGEND_WIDTH = 280; // that its longest name needs [px]
 const IDLE_TIME = 3000; // after which the projector's controls fade [ms]
 const DARK = matchMedia("(prefers-color-scheme: dark)");
 
@@ -174,7 +175,6 @@ export class Sandbox {
     if (isOn === node.hasAttribute("data-projector")) return;
     node.toggleAttribute("data-projector", isOn);
     this.ui.projector.ariaPressed = isOn;
-    drawing.set({ letters: isOn ? 2 : 1 });
     drawing.camera.home = true; // it fits again as soon as its size has changed
     if (isOn)
       node.requestFullscreen?.().catch(() => {}); // a frame may forbid it
@@ -287,8 +287,9 @@ export class Sandbox {
 
   draw() {
     const { drawing, state, panel, ui } = this;
-    drawing.set({ ...checked(ui.options), arrow: this.shownVelocity() });
+    drawing.set({ ...checked(ui.options), arrow: this.shownVelocity(), letters: this.letters });
     drawing.draw(state);
+    this.node.style.setProperty("--legend", `${drawing.footer}px`);
     const { theme: name } = drawing.options;
     const theme = drawing.scene.themes[name];
     const pulled = 2 * state.pulled;
@@ -300,6 +301,12 @@ export class Sandbox {
     if (panel.again < 1) return;
     ui.timeline.max = Math.max(this.graphs.data?.t.at(-1) ?? 1, 1e-3);
     ui.timeline.value = state.t;
+  }
+
+  // Size of the letters of the picture: up to twice as large for a projector, if the legend has room.
+  get letters() {
+    if (!this.node.hasAttribute("data-projector")) return 1;
+    return Math.min(Math.max(this.ui.disk.clientWidth / LEGEND_WIDTH, 1), 2);
   }
 
   // Return the velocity whose arrow is drawn: that of the throw, while it is aimed, or the disk's.

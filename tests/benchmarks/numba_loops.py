@@ -82,7 +82,7 @@ def _forces(x: Any, u: Any, f: Any, first: Any, second: Any, rest: Any, numbers:
 
 
 @numba.njit(fastmath=True, error_model="numpy", cache=True)
-def _step(
+def _step(  # noqa: PLR0913 (Numba takes arrays one by one)
     x: Any,
     v: Any,
     first: Any,

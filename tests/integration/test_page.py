@@ -15,6 +15,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -33,7 +34,7 @@ from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.observables import INDEX
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import colour_values
-from taichi_disk.window.app import list_folder
+from taichi_disk.window.app import list_folder, list_presets
 from taichi_disk.window.audience import Audience
 from taichi_disk.window.controls import CHOICES, RANGES, Entry
 from taichi_disk.window.door import Door, split_origin
@@ -426,6 +427,39 @@ def test_the_panel_shows_every_warning_of_a_run_and_whether_the_user_interfered(
     ].startswith("same")
 
 
+def test_picture_and_curves_stay_while_the_scene_is_computed_again(
+    kernels: KernelCache,
+) -> None:
+    hard = [
+        "lattice.points=60",
+        "material.eta_star=0",
+        "wall.a=3000",
+        "impact.velocity=0.1",
+    ]
+    entry = Entry("hard", "Look.", partial(load_scene, "exponential_wall", hard))
+    session = Session([entry], kernels)
+    say(session, "speed", value=3.0)
+    say(session, "press", key="space")
+    while panel(session)["again"] == 1.0:
+        session.advance()
+        assert session.sandbox.time.segment.status == "running"
+    curves = session.texts["graphs"]
+    t = session.sandbox.time.display.t
+    assert max(json.loads(curves)["values"][5]) >= 0.0
+    fractions = []
+    while panel(session)["again"] < 1.0:
+        fractions.append(panel(session)["again"])
+        assert session.texts["graphs"] == curves
+        assert session.sandbox.time.display.t == t
+        session.sandbox.time.go(20, 1.0)
+        session.number += 1
+        session._write_messages()
+    assert len(fractions) > 2 and fractions == sorted(fractions)
+    session.advance()
+    assert session.texts["graphs"] != curves
+    assert session.sandbox.time.display.t > t
+
+
 def test_a_curve_is_collected_by_itself_and_stops_when_asked(session: Session) -> None:
     say(session, "collect")
     while len(session.sandbox.results) < 2:
@@ -732,9 +766,12 @@ def test_a_port_that_is_taken_is_told(
 # ---- the real one
 
 
-@pytest.fixture
-def served(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """The program, on a machine without display and Vulkan, and its address."""
+@contextmanager
+def serving(
+    folder: Path, *arguments: str
+) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """Yield `view` with these arguments, on a machine without display and Vulkan, and
+    its address."""
     environment = {
         name: value for name, value in os.environ.items() if name != "DISPLAY"
     }
@@ -742,19 +779,13 @@ def served(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
         "PYTHONPATH": str(WEB.parents[1]),
         "VK_ICD_FILENAMES": "/nonexistent",
     }
-    command = [
-        sys.executable,
-        "-m",
-        "taichi_disk",
-        "view",
-        *(f"--set={one}" for one in SETTINGS),
-    ]
+    command = [sys.executable, "-m", "taichi_disk", "view", *arguments]
     pipes: dict[str, Any] = {
         "stdout": subprocess.PIPE,
         "stderr": subprocess.PIPE,
         "text": True,
     }
-    program = subprocess.Popen(command, env=environment, cwd=tmp_path, **pipes)
+    program = subprocess.Popen(command, env=environment, cwd=folder, **pipes)
     assert program.stdout
     try:
         found = re.search(r"http://\S+/", program.stdout.readline())
@@ -763,6 +794,13 @@ def served(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
     finally:
         program.kill()
         program.communicate()
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """The program with the scenes of the list, and its address."""
+    with serving(tmp_path, *(f"--set={one}" for one in SETTINGS)) as program:
+        yield program
 
 
 def opened(name: str) -> Iterator[Browser]:
@@ -1149,3 +1187,156 @@ def test_a_failure_to_draw_is_said_once_and_time_goes_on(
     assert browser.text("fault") == "The picture cannot be drawn: no colours"
     assert browser.script("return document.getElementById('fault').checkVisibility()")
     ended(program)
+
+
+@pytest.mark.validate
+def test_curves_stay_while_the_scene_is_computed_again(
+    tmp_path: Path, browser: Browser
+) -> None:
+    with serving(tmp_path, "oblique_impact", "--no-open") as (program, url):
+        browser.open(url)
+        browser.script("window.sandbox.send({ do: 'speed', value: 20 })")
+        browser.script(WATCH_AGAIN)
+        browser.click("drop")
+        browser.wait(browser.results, 180.0)
+        seen = browser.script("return window.again")
+        fractions = [one["fraction"] for one in seen]
+        assert len(seen) > 2 and fractions == sorted(fractions)
+        shown = seen[0]
+        for one in seen:
+            assert one["isGrey"] and one["hasBar"]
+            # neither the picture nor the curve of the contact's force goes back
+            for name in ("t", "end", "force"):
+                assert one[name] == shown[name]
+        assert shown["t"] == pytest.approx(shown["end"])
+        assert shown["force"] > 0.01
+        assert not browser.visible("again")
+        assert browser.state("t") > shown["t"]
+        assert browser.errors() == []
+        ended(program)
+
+
+# Keep what the page shows whenever the program has computed more of the scene again.
+WATCH_AGAIN = """
+const { sandbox } = window, show = sandbox.showPanel;
+window.again = [];
+sandbox.showPanel = (panel) => {
+  show.call(sandbox, panel);
+  if (panel.again === 1) return;
+  const { data } = sandbox.graphs;
+  window.again.push({
+    fraction: panel.again,
+    t: sandbox.state.t,
+    end: data.t.at(-1),
+    force: Math.max(...data.values[5]),
+    isGrey: getComputedStyle(sandbox.ui.disk).filter.includes("grayscale"),
+    hasBar: sandbox.ui.again.checkVisibility(),
+  });
+};
+"""
+
+
+@pytest.mark.validate
+def test_letters_are_keys_by_their_place_on_other_layouts(
+    served: tuple[subprocess.Popen[str], str], each_browser: Browser
+) -> None:
+    browser = each_browser
+    browser.open(served[1])
+    press = (
+        "document.body.dispatchEvent(new KeyboardEvent('keydown',"
+        " { key: '%s', code: '%s', bubbles: true }))"
+    )
+    # t with Caps Lock, on a Cyrillic and on a Greek layout, and on Dvorak's
+    for key, code in (("T", "KeyT"), ("е", "KeyT"), ("τ", "KeyT"), ("t", "KeyK")):
+        before = browser.look("theme")
+        browser.script(press % (key, code))
+        browser.wait(lambda before=before: browser.look("theme") != before)
+    ended(served[0])
+
+
+@pytest.mark.validate
+def test_the_system_s_preference_counts_until_a_theme_is_chosen(
+    served: tuple[subprocess.Popen[str], str], browser: Browser
+) -> None:
+    def prefer(theme: str) -> None:
+        feature = {"name": "prefers-color-scheme", "value": theme}
+        browser.driver.execute_cdp_cmd(
+            "Emulation.setEmulatedMedia", {"features": [feature]}
+        )
+
+    prefer("dark")
+    browser.open(served[1])
+    browser.wait(lambda: browser.look("theme") == "dark")
+    prefer("light")
+    browser.wait(lambda: browser.look("theme") == "light")
+    browser.choose("video.theme", "dark")
+    browser.wait(lambda: browser.look("theme") == "dark")
+    prefer("dark")
+    prefer("light")
+    time.sleep(0.5)
+    assert browser.look("theme") == "dark"
+    ended(served[0])
+
+
+@pytest.mark.validate
+def test_results_are_copied_over_plain_http_too(
+    served: tuple[subprocess.Popen[str], str], each_browser: Browser
+) -> None:
+    browser = each_browser
+    browser.open(served[1])
+    browser.type("speed", "20")
+    browser.click("drop")
+    browser.wait(browser.results, 60.0)
+    # as a page has it that came by plain http from another machine
+    browser.script(
+        "Object.defineProperty(navigator, 'clipboard', { value: undefined });"
+        "document.addEventListener('copy', (event) => {"
+        " window.copied = document.activeElement.value.slice("
+        "document.activeElement.selectionStart, document.activeElement.selectionEnd) })"
+    )
+    browser.script("document.querySelector('nav [data-tab=results]').click()")
+    browser.driver.find_element("id", "copy").click()
+    copied = browser.wait(lambda: browser.script("return window.copied ?? ''"))
+    assert copied.startswith("result\t") and "\n" in copied
+    assert not browser.script("return document.querySelectorAll('textarea').length")
+    ended(served[0])
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("number", range(21))
+def test_every_scene_of_the_list_ends_as_run_does_after_random_events(
+    number: int, kernels: KernelCache
+) -> None:
+    """What a user does before the throw leaves no trace in the scene as it is listed,
+    and the time between two pictures changes no digit."""
+    entries = list_presets(None)
+    session = Session(entries, kernels)
+    choose = random.Random(number)
+    keys = [key for key in "bnrhzxadlecy" if key in session.controls.actions]
+    for _ in range(40):
+        t = choose.uniform(0.0, 20.0)
+        do = choose.choice(["press", "scrub", "pull", "release", "turn"])
+        if do == "press":
+            say(session, "press", key=choose.choice([*keys, "space"]))
+        elif do == "scrub":
+            say(session, "scrub", t=t)
+        elif do == "pull":
+            say(session, "pull", x=choose.uniform(-1.0, 1.0), y=t)
+        elif do == "turn":
+            say(session, "turn", angle=0.1 * t, final=1)
+        else:
+            say(session, "release")
+    say(session, "release")
+    say(session, "clear")
+    say(session, "play", number=number)
+    sandbox = session.sandbox
+    assert panel(session)["name"] == entries[number].name
+    say(session, "speed", value=20.0)
+    if sandbox.paused:
+        say(session, "press", key="space")
+    end = time.monotonic() + 300.0
+    while not sandbox.results and time.monotonic() < end:
+        session.advance()
+    scenario = entries[number].load().scenario()
+    expected = scenario.primary(compute(scenario).columns)[1]
+    assert [one.value for one in sandbox.results] == [expected]

@@ -12,15 +12,15 @@ from matplotlib.colors import to_hex, to_rgb
 
 from docs.experiments.quasistatic import quasistatic_impact
 from taichi_disk.figures import theory
+from taichi_disk.figures.axes import curve_styles
 from taichi_disk.figures.curves import (
     FITS,
     Curve,
     analyse,
-    curve_rows,
-    curve_styles,
     curves_figure,
     draw,
 )
+from taichi_disk.figures.texts import curve_rows
 from taichi_disk.scenes import load_scene
 from taichi_disk.scenes.compression import paper_compression
 

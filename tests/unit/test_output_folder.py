@@ -34,10 +34,10 @@ def content(folder):
 
 
 def compute(
-    out, scene=SCENE, status="done", explicit=True, mark="", files=(), **options
+    out, scene=SCENE, status="done", count_on=False, mark="", files=(), **options
 ):
     """Write a run of a few files that contain `mark`, and return its folder."""
-    with run_folder(out, scene, explicit, **options) as folder:
+    with run_folder(out, scene, count_on, **options) as folder:
         for name in ("timeseries.csv", "plot.png", *files):
             (folder.path / name).parent.mkdir(exist_ok=True)
             (folder.path / name).write_text(mark)
@@ -61,7 +61,7 @@ def test_a_run_appears_at_its_end_in_whole_whatever_ends_it(tmp_path, end):
     out = tmp_path / "a" / "run"
     with (
         suppress(SimulationError, KeyboardInterrupt),
-        run_folder(out, SCENE, explicit=True) as folder,
+        run_folder(out, SCENE, count_on=False) as folder,
     ):
         (folder.path / "summary.json").write_text('{"status": "failed"}')
         assert all(name.startswith(".") for name in os.listdir(out.parent))
@@ -76,7 +76,7 @@ def test_a_run_appears_at_its_end_in_whole_whatever_ends_it(tmp_path, end):
 def test_a_run_refused_while_it_is_prepared_leaves_nothing_not_even_folders(tmp_path):
     with (
         pytest.raises(InputError),
-        run_folder(tmp_path / "a" / "b", SCENE, explicit=True),
+        run_folder(tmp_path / "a" / "b", SCENE, count_on=False),
     ):
         raise InputError
     assert list(tmp_path.iterdir()) == []
@@ -85,7 +85,7 @@ def test_a_run_refused_while_it_is_prepared_leaves_nothing_not_even_folders(tmp_
 def test_the_same_scene_replaces_its_run(tmp_path):
     out = compute(tmp_path / "run", mark="first", status="failed")
     assert "failure.npz" in content(out)
-    with run_folder(out, SCENE, explicit=True) as folder:
+    with run_folder(out, SCENE, count_on=False) as folder:
         (folder.path / "summary.json").write_text('{"status": "done"}')
         assert content(out)["plot.png"] == "first"
     assert set(content(tmp_path)) == {"run/scene.yaml", "run/summary.json"}
@@ -94,9 +94,7 @@ def test_the_same_scene_replaces_its_run(tmp_path):
 def test_a_default_name_counts_on_past_other_runs_and_says_so(tmp_path):
     notices = []
     for k, scene in enumerate((SCENE, OTHER, OTHER.replace("200", "300"), OTHER)):
-        compute(
-            tmp_path / "run", scene, explicit=False, mark=str(k), say=notices.append
-        )
+        compute(tmp_path / "run", scene, count_on=True, mark=str(k), say=notices.append)
     marks = {
         name: text
         for name, text in content(tmp_path).items()
@@ -168,7 +166,7 @@ def test_a_run_s_folder_with_a_person_s_file_is_left_as_it_is(tmp_path, name):
         match="no run wrote" if name == "thesis.tex" else "holds another run",
     ):
         compute(out, overwrite=name == "thesis.tex")
-    assert compute(out, explicit=False) == tmp_path / "run-2"
+    assert compute(out, count_on=True) == tmp_path / "run-2"
     assert content(out) == before
 
 
@@ -184,9 +182,9 @@ def test_a_folder_that_cannot_be_renamed_is_refused_with_advice_and_an_empty_one
             compute(out)
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "out" / "run").mkdir(parents=True)
-    assert compute(Path("out/run"), explicit=False) == Path("out/run")
+    assert compute(Path("out/run"), count_on=True) == Path("out/run")
     # reported as a relative path
-    assert compute(Path("out/run"), OTHER, explicit=False) == Path("out/run-2")
+    assert compute(Path("out/run"), OTHER, count_on=True) == Path("out/run-2")
 
 
 def test_a_home_is_refused_even_if_it_is_empty(tmp_path, monkeypatch):
@@ -210,7 +208,7 @@ def test_films_and_trajectories_made_from_a_run_stay_beside_it(tmp_path):
     made = {"render.mp4", "trajectory.xyz"}
     for name in made:
         (out / name).write_text("x")
-    with run_folder(out, SCENE, explicit=True) as folder:
+    with run_folder(out, SCENE, count_on=False) as folder:
         assert folder.take_over() == "video.mp4"
         (folder.path / "summary.json").write_text('{"status": "done"}')
     assert set(content(out)) == {"scene.yaml", "summary.json", "video.mp4", *made}
@@ -235,15 +233,15 @@ def test_runs_that_began_with_arrays_of_a_person_are_no_runs_of_the_same_scene(
 
 
 @pytest.mark.parametrize("status", ["failed", "interrupted"])
-@pytest.mark.parametrize("explicit", [False, True])
-def test_a_run_without_end_never_replaces_a_finished_one(tmp_path, status, explicit):
+@pytest.mark.parametrize("count_on", [False, True])
+def test_a_run_without_end_never_replaces_a_finished_one(tmp_path, status, count_on):
     notices = []
     compute(tmp_path / "run", mark="good")
     for mark in ("bad", "worse"):
         out = compute(
             tmp_path / "run",
             status=status,
-            explicit=explicit,
+            count_on=count_on,
             mark=mark,
             say=notices.append,
         )
@@ -269,7 +267,7 @@ def test_of_two_simultaneous_runs_the_later_to_finish_takes_another_folder_and_s
         compute(tmp_path / "run", before, mark="before")
     notices, pid, third = [], os.getpid(), OTHER.replace("200", "300")
     overwrite = overwrite or bool(before)
-    with run_folder(tmp_path / "run", OTHER, True, overwrite, notices.append) as first:
+    with run_folder(tmp_path / "run", OTHER, False, overwrite, notices.append) as first:
         (first.path / "summary.json").write_text('{"status": "done"}')
         with monkeypatch.context() as patch:
             patch.setattr(os, "getpid", lambda: pid + 1)
@@ -293,7 +291,7 @@ def test_a_file_that_comes_while_the_run_computes_stays_and_the_run_is_not_lost(
 ):
     notices = []
     with run_folder(
-        tmp_path / "run", SCENE, explicit=True, say=notices.append
+        tmp_path / "run", SCENE, count_on=False, say=notices.append
     ) as folder:
         (folder.path / "summary.json").write_text('{"status": "done"}')
         (tmp_path / "run").mkdir()
@@ -379,9 +377,9 @@ def test_a_run_that_is_killed_leaves_the_old_or_the_new_one_whole_and_the_next_p
 
 
 @pytest.mark.parametrize("code", [errno.EXDEV, errno.EBUSY])
-@pytest.mark.parametrize("explicit", [False, True])
+@pytest.mark.parametrize("count_on", [False, True])
 def test_what_cannot_be_renamed_is_known_before_the_computation(
-    tmp_path, monkeypatch, code, explicit
+    tmp_path, monkeypatch, code, count_on
 ):
     # A mount point is busy, and an overlay does not rename folders of a lower layer.
     compute(tmp_path / "run", mark="old")
@@ -395,15 +393,15 @@ def test_what_cannot_be_renamed_is_known_before_the_computation(
     monkeypatch.setattr(os, "rename", refuse)
     before = content(tmp_path)
     notices = []
-    if explicit:
+    if not count_on:
         with (
             pytest.raises(InputError, match=r"run cannot be renamed \(.*\); choose"),
-            run_folder(tmp_path / "run", SCENE, True),
+            run_folder(tmp_path / "run", SCENE, False),
         ):
             pytest.fail("it computes")
         assert content(tmp_path) == before
     else:
-        with run_folder(tmp_path / "run", SCENE, False, say=notices.append) as folder:
+        with run_folder(tmp_path / "run", SCENE, True, say=notices.append) as folder:
             assert folder.out == tmp_path / "run-2"
             (folder.path / "summary.json").write_text('{"status": "done"}')
         assert set(os.listdir(tmp_path)) == {"run", "run-2"}

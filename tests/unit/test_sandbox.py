@@ -600,15 +600,18 @@ def test_a_folders_scenes_are_stepped_through_in_order(
     assert [one.name for one in list_folder(tmp_path)] == ["f00", "a11"]
 
 
-def test_a_table_that_another_program_has_saved_is_read_or_named(
+def test_a_table_that_is_none_of_a_sweep_is_named(
     tmp_path: Path,
 ) -> None:
     (tmp_path / "points").mkdir()
     scene = load_scene("exponential_wall", ["lattice.points=30"])
     (tmp_path / "points" / "f00.yaml").write_text(scene.to_yaml())
     table = tmp_path / "points.csv"
-    table.write_bytes("größe,key\n1,f00\n".encode("latin-1"))
+    table.write_text("key,reason\nf00,none\n")
     assert [one.name for one in list_folder(tmp_path)] == ["f00"]
+    table.write_bytes("größe,key\n1,f00\n".encode("latin-1"))
+    with pytest.raises(InputError, match=r"points\.csv:1: not UTF-8 text"):
+        list_folder(tmp_path)
     table.write_text("key,reason\nf00," + "x" * 200_000 + "\n")
-    with pytest.raises(InputError, match=r"points\.csv: not the table of a sweep"):
+    with pytest.raises(InputError, match=r"points\.csv: is not the table of a sweep"):
         list_folder(tmp_path)
