@@ -178,7 +178,8 @@ class Scales:
         unit = "%" if painter.colour == "strain" else quantity.unit
         words, factor = factored(f"{name} [{unit}]", limit)
         if painter.colour == "strain":
-            words, factor = f"{name} [%]", 0.01
+            words = f"{name} [%]"
+            factor = 0.01
         if is_fringes:
             words = f"fringes of {label(painter.limit)} Mc²/R²"
             factor = 1.0
