@@ -35,7 +35,8 @@ Support = Literal["triangles", "springs", "points"]
 # violent impact
 MIN_AREA = 0.1
 # standard deviation of the smoothing of stress [R]; largest number of averages
-SMOOTHING, MAX_PASSES = 0.06, 12
+SMOOTHING = 0.06
+MAX_PASSES = 12
 # smaller stresses are rounding errors and show no fringes [M c^2/R^2]
 STRESS_ROUNDING = 1e-13
 MAX_MATERIALS = 8  # with more different stiffnesses, no interfaces are drawn
@@ -110,7 +111,8 @@ def field(
     - strain, force: of each spring, positive if stretched.
     - speed, kinetic: of each point; for the disk, relative to its centre of mass.
     """
-    kind, compute = QUANTITIES[name], own_values if at == "own" else at_points
+    kind = QUANTITIES[name]
+    compute = own_values if at == "own" else at_points
     values = compute(name, Triangles(lattice), springs, x, v)
     place = kind.on if at == "own" else "points"
     return Field(
@@ -136,7 +138,8 @@ def own_values(
         return springs.strain(lattice, x)
     if name == "force":
         return springs.tension(lattice, x)
-    n, relative = lattice.disk_points, v.copy()
+    n = lattice.disk_points
+    relative = v.copy()
     relative[:n] -= lattice.masses[:n] @ v[:n] / lattice.masses[:n].sum()
     speed = np.hypot(relative[:, 0], relative[:, 1])
     return speed if name == "speed" else 0.5 * lattice.masses * speed**2
@@ -161,7 +164,8 @@ def at_points(
         return -triangles.around(triangles.area_rates(x, v)) / triangles.areas_around(x)
     values = own_values(name, triangles, springs, x, v)
     if QUANTITIES[name].on == "springs":
-        ends, n = triangles.lattice.bonds.ravel(), len(x)
+        ends = triangles.lattice.bonds.ravel()
+        n = len(x)
         return np.bincount(ends, np.repeat(values, 2), n) / np.maximum(
             np.bincount(ends, minlength=n), 1
         )
@@ -204,7 +208,9 @@ class Triangles:
             lattice.triangles, dtype=np.int32
         ).reshape(-1, 3)
         self._corners = np.ascontiguousarray(self.triangles.T, dtype=np.intp)
-        n, m, t = len(lattice.positions), len(lattice.bonds), len(self.triangles)
+        n = len(lattice.positions)
+        m = len(lattice.bonds)
+        t = len(self.triangles)
         ends = np.stack(
             [self.triangles, np.roll(self.triangles, -1, axis=1)], axis=-1
         ).reshape(-1, 2)
@@ -212,12 +218,14 @@ class Triangles:
         sides = np.searchsorted(pair_keys(lattice.bonds, n), pair_keys(ends, n))
         count = np.bincount(sides, minlength=m)
         self.fraction = np.where(count > 0, 1.0 / np.maximum(count, 1), 0.0)
-        self.outline, self.crossing = ends[count[sides] == 1], lattice.bonds[count == 0]
+        self.outline = ends[count[sides] == 1]
+        self.crossing = lattice.bonds[count == 0]
         self.interfaces = self.crossing[:0]
         if lattice.stiffness is not None:
             # stiffness of each triangle
             stiffness = np.median(lattice.stiffness[sides].reshape(-1, 3), axis=1)
-            minimum, maximum = np.full(m, np.inf), np.zeros(m)
+            minimum = np.full(m, np.inf)
+            maximum = np.zeros(m)
             np.minimum.at(minimum, sides, np.repeat(stiffness, 3))
             np.maximum.at(maximum, sides, np.repeat(stiffness, 3))
             if len(np.unique(stiffness)) <= MAX_MATERIALS:
@@ -228,7 +236,8 @@ class Triangles:
         # Four matrices for sums: `carried` over the springs of a triangle, `_around`
         # over the triangles around a point, `gathered` over the springs of all these
         # triangles, `_neighbours` over a point and its neighbours.
-        owner, ones = np.repeat(np.arange(t), 3), np.ones(3 * t)
+        owner = np.repeat(np.arange(t), 3)
+        ones = np.ones(3 * t)
         self.carried = csr_array((self.fraction[sides], (owner, sides)), (t, m))
         self._around = csr_array((ones, (self.triangles.ravel(), owner)), (n, t))
         if len(crossing := np.flatnonzero(count == 0)):
@@ -237,7 +246,8 @@ class Triangles:
             ends = csr_array((fraction, (point, np.repeat(crossing, 2))), (n, m))
             self.carried = csr_array(self.carried + self._around.T @ ends)
         self.gathered = csr_array(self._around @ self.carried)
-        points, (i, j) = np.arange(n), lattice.bonds.T
+        points = np.arange(n)
+        i, j = lattice.bonds.T
         pairs = np.concatenate([points, i, j]), np.concatenate([points, j, i])
         self._neighbours = csr_array((np.ones(n + 2 * m), pairs), (n, n))
 
@@ -262,7 +272,8 @@ class Triangles:
     def area_rates(self, x: Array, v: Array) -> Array:
         """Return the rates of change (t,) of the areas [R c] at velocities `v` (n, 2)
         [c]: div v times the area."""
-        (u, w), (du, dw) = self._edges(x), self._edges(v)
+        u, w = self._edges(x)
+        du, dw = self._edges(v)
         return np.asarray(
             0.5 * (du[0] * w[1] - du[1] * w[0] + u[0] * dw[1] - u[1] * dw[0])
         )

@@ -53,7 +53,8 @@ VISIBLE_ENERGY = 2e-3
 PANEL_HEIGHTS = (1.2, 1.0, 1.5)
 # fractions of the figure
 LAYOUT = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}
-FORCE_LABEL, ENERGY_LABEL = "wall force  [Mc²/R]", "energy  [Mc²]"
+FORCE_LABEL = "wall force  [Mc²/R]"
+ENERGY_LABEL = "energy  [Mc²]"
 _LOCK = threading.Lock()
 
 

@@ -33,7 +33,8 @@ FLATTENING = 0.05  # flattening of the drawn disk at automatic magnification [R]
 NOTHING: Shape = np.zeros((0, 2)), np.zeros((0, 4))
 _CIRCLE_CORNERS = 32
 # length of an arrow's head over half its width; most of it over the arrow's length
-_HEAD_LENGTH, _MAX_HEAD = 1.56, 0.65
+_HEAD_LENGTH = 1.56
+_MAX_HEAD = 0.65
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,8 @@ class Camera:
 
     def zoomed(self, factor: float, at: tuple[float, float]) -> Camera:
         """Return a camera magnified by `factor` about the pixel `at` (column, row)."""
-        (x, y), (column, row) = self.middle, at
+        x, y = self.middle
+        column, row = at
         middle = column + factor * (x - column), row + factor * (y - row)
         return replace(self, scale=self.scale * factor, middle=middle)
 
@@ -127,7 +129,8 @@ def placed(lattice: Lattice, x: Array, magnify: float) -> Array:
     if magnify == 1.0:
         return out
     n = lattice.disk_points
-    rest, now = lattice.positions[:n], x[:n]
+    rest = lattice.positions[:n]
+    now = x[:n]
     disk = turned(rest, roll_angle(rest, now))
     across = now[:, 0].mean() - disk[:, 0].mean()
     up = now[:, 1].min() - disk[:, 1].min()
@@ -143,7 +146,8 @@ def flattening(lattice: Lattice, x: Array) -> float:
     # and dent.
     if len(lattice.wall_surface):
         return 1.0
-    rest, now = lattice.positions[: lattice.disk_points], x[: lattice.disk_points]
+    rest = lattice.positions[: lattice.disk_points]
+    now = x[: lattice.disk_points]
     unloaded = turned(rest, roll_angle(rest, now))
     return float(
         np.ptp([unloaded[:, 1].mean(), unloaded[:, 1].min()])
@@ -200,7 +204,8 @@ def wall_body(
     """
     weight = np.exp(-_FADES)[:, None]
     weight[-1] = 0.0
-    ground, wall = np.asarray(theme.ground), np.asarray(theme.wall)
+    ground = np.asarray(theme.ground)
+    wall = np.asarray(theme.wall)
     haze = _strips(chain, edge + decay * _FADES, ground + weight * (wall - ground))
     return haze, _strips(chain, np.array([-depth, edge]), np.array([wall, wall]))
 
@@ -249,7 +254,9 @@ def outline(
     """
     left = _left(start, end, half)
     along = np.stack([left[:, 1], -left[:, 0]], axis=1)
-    start, end, middle = start - 0.3 * along, end + 0.3 * along, np.asarray(ink)
+    start = start - 0.3 * along
+    end = end + 0.3 * along
+    middle = np.asarray(ink)
     outer = quads(
         start - left, end - left, end, start, *[np.asarray(outside)] * 2, middle, middle
     )

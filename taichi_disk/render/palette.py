@@ -104,7 +104,8 @@ def colour_map(theme: str, kind: str, bare: bool = False) -> NDArray[np.float32]
 def _curve(
     nodes: tuple[tuple[float, float, float], ...], count: int
 ) -> NDArray[np.float64]:
-    known, at = np.linspace(0.0, 1.0, len(nodes)), np.linspace(0.0, 1.0, count)
+    known = np.linspace(0.0, 1.0, len(nodes))
+    at = np.linspace(0.0, 1.0, count)
     powers = np.arange(len(nodes))
     return np.asarray(
         at[:, None] ** powers

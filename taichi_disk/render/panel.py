@@ -43,7 +43,8 @@ def begin_panel(
 
 
 def _scene(run: Run, width: int) -> PanelScene:
-    scenario, columns = run.scenario, run.columns
+    scenario = run.scenario
+    columns = run.columns
     t = columns["t"]
     span = float(t[0]), scenario.last_motion(columns)
     known = span[1]
@@ -119,7 +120,8 @@ class Panel:
             self._draw_cursor(picture, now)
 
     def _reveal_result(self, picture: Picture, changed: slice) -> None:
-        ended, past = self._pictures.ended[:, changed], self._pictures.past[:, changed]
+        ended = self._pictures.ended[:, changed]
+        past = self._pictures.past[:, changed]
         is_text = (ended != past).any(axis=2)
         picture[:, changed][is_text] = ended[is_text]
 
@@ -143,7 +145,8 @@ def _draw_disc(
 ) -> None:
     column, row = centre
     reach = int(radius) + 2
-    top, left = max(int(row) - reach, 0), max(int(column) - reach, 0)
+    top = max(int(row) - reach, 0)
+    left = max(int(column) - reach, 0)
     patch = picture[top : int(row) + reach + 1, left : int(column) + reach + 1]
     rows = np.arange(top, top + patch.shape[0])[:, None]
     columns = np.arange(left, left + patch.shape[1])

@@ -60,7 +60,8 @@ class Flight:
         Without a rigid motion at t = 0, or with dashpots that would slow a spin, there
         is no flight.
         """
-        scenario, columns = run.scenario, run.columns
+        scenario = run.scenario
+        columns = run.columns
         last = float(columns["t"][-1])
         velocity, spin = _rigid_motion(run)
         springs = scenario.model.springs
@@ -68,7 +69,8 @@ class Flight:
         if not scenario.is_thrown or height == 0.0 or velocity is None or is_slowed:
             return cls(run, 0.0, last, np.zeros(2), 0.0)
         edge = edge_height(scenario.model.wall, run.largest_force)
-        first, final = columns["lowest_y"][0], columns["lowest_y"][-1]
+        first = columns["lowest_y"][0]
+        final = columns["lowest_y"][-1]
         top = max(edge + height, first)
         start = (top - first) / velocity[1]
         end = last + max(top - final, 0.0) / columns["com_vy"][-1]
@@ -85,7 +87,8 @@ class Flight:
 
     def _before(self, t: float) -> State:
         scenario = self.run.scenario
-        lattice, n = scenario.lattice, scenario.lattice.disk_points
+        lattice = scenario.lattice
+        n = scenario.lattice.disk_points
         centre = lattice.mean(lattice.positions)
         arms = turned(lattice.positions[:n] - centre, self.spin * t)
         x = lattice.positions.copy()
@@ -98,7 +101,8 @@ class Flight:
 def _rigid_motion(run: Run) -> tuple[Array | None, float]:
     """Return velocity [c] and spin [c/R] of the disk at t = 0; None without a rigid
     motion."""
-    lattice, velocities = run.scenario.lattice, run.scenario.velocities
+    lattice = run.scenario.lattice
+    velocities = run.scenario.velocities
     n = lattice.disk_points
     velocity = lattice.mean(velocities)
     arms = lattice.positions[:n] - lattice.mean(lattice.positions)
@@ -208,7 +212,8 @@ class Recording:
         self, states: Sequence[tuple[Array, Array]], quantities: Sequence[str]
     ) -> dict[str, float]:
         scenario = self.run.scenario
-        springs, n = scenario.model.springs, scenario.lattice.disk_points
+        springs = scenario.model.springs
+        n = scenario.lattice.disk_points
         triangles = Triangles(scenario.lattice)
         limits = dict.fromkeys(quantities, 0.0)
         for x, v in states:

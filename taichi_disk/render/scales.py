@@ -99,14 +99,15 @@ class Scales:
         if not self._height:
             return np.array(image)
         draw = ImageDraw.Draw(image)
-        left = self._margin
+        tip = left = self._margin
         if self._painter.full_force:
-            left = self._draw_force(draw, scale)
+            tip, left = self._draw_force(draw, scale)
         beside = max(left, self._margin + self._first_pace)
         # half of the first and of the last number stand beside the bar
         free = self._width - 2.0 * beside - 5.0 * self._small
         least = 0.2 * _BAR_WIDTH * self._unit
-        self._draw_bar(draw, round(max(min(_BAR_WIDTH * self._unit, free), least)))
+        width = round(max(min(_BAR_WIDTH * self._unit, free), least))
+        self._draw_bar(draw, width, tip)
         return np.array(image)
 
     def write(self, picture: NDArray[np.uint8], pace: Sequence[str]) -> None:
@@ -130,8 +131,9 @@ class Scales:
     def _line(self, text: str, x: float, row: float, ends: bool = False) -> Line:
         return Line(text, self._small, self._ink, x, row, ends=ends)
 
-    def _draw_force(self, draw: Any, scale: float) -> float:
-        """Draw the arrow of a force, and return the column at which its words end."""
+    def _draw_force(self, draw: Any, scale: float) -> tuple[float, float]:
+        """Draw the arrow of a force, and return the columns at which the arrow and its
+        words end."""
         full = self._painter.full_force
         pixels = ARROW * scale / full  # length of an arrow for a force of 1 Mc²/R
         force = round_below(_ARROW * 720.0 * self._unit / pixels)
@@ -145,7 +147,7 @@ class Scales:
         draw.polygon(corners, fill=self._ink)
         number = self._line(f"{label(force)} Mc²/R", self._margin, self._numbers)
         number.draw(draw)
-        return number.box[1]
+        return tip, number.box[1]
 
     def _draw_names(self, draw: Any, name: str) -> None:
         """Write what the colours mean; what the arrow means and whether motion is slow,
@@ -162,9 +164,9 @@ class Scales:
 
     # ---- colours
 
-    def _draw_bar(self, draw: Any, width: int) -> None:
+    def _draw_bar(self, draw: Any, width: int, start_of_room: float) -> None:
         """Draw the colour scale. A pointed end means that all values beyond it have the
-        same colour."""
+        same colour. The words beside it are left out without room."""
         painter = self._painter
         left = (self._width - width) // 2
         is_fringes = painter.colour == "fringes"
@@ -176,7 +178,8 @@ class Scales:
         unit = "%" if painter.colour == "strain" else quantity.unit
         words, factor = factored(f"{name} [{unit}]", limit)
         if painter.colour == "strain":
-            words, factor = f"{name} [%]", 0.01
+            words = f"{name} [%]"
+            factor = 0.01
         if is_fringes:
             words = f"fringes of {label(painter.limit)} Mc²/R²"
             factor = 1.0
@@ -185,13 +188,17 @@ class Scales:
             x = left + (width - 1) * (tick - least) / (limit - least)
             bottom = self._top + self._bar_height
             draw.line([(x, bottom), (x, bottom + 4 * self._unit)], fill=self._ink)
-            start = x - text_width(text, self._small) / 2
-            self._line(text, start, self._numbers).draw(draw)
+            number_start = x - text_width(text, self._small) / 2
+            self._line(text, number_start, self._numbers).draw(draw)
         self._draw_names(draw, words)
         row = self._top + self._bar_height / 2 + 0.35 * self._small
         beside = self._bar_height + 0.4 * self._small
-        self._line(quantity.low, left - beside, row, ends=True).draw(draw)
-        self._line(quantity.high, left + width + beside, row).draw(draw)
+        low = self._line(quantity.low, left - beside, row, ends=True)
+        high = self._line(quantity.high, left + width + beside, row)
+        end_of_room = self._width - self._margin
+        if low.box[0] > start_of_room and high.box[1] < end_of_room:
+            low.draw(draw)
+            high.draw(draw)
 
     def _draw_colours(self, draw: Any, left: int, width: int, end: float) -> None:
         painter = self._painter

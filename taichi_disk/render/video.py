@@ -62,7 +62,8 @@ def video(
     encoder = {"": _folder, ".png": _still, ".gif": _gif}.get(form, _stream)
     # Drawing holds Python's lock for milliseconds at a time; by default the encoder
     # would wait 5 ms longer.
-    switch_interval, waiting = sys.getswitchinterval(), deque[Future[object]]()
+    switch_interval = sys.getswitchinterval()
+    waiting = deque[Future[object]]()
     sys.setswitchinterval(5e-4)
     try:
         with (
@@ -88,7 +89,8 @@ def _stream(
 ) -> Iterator[Append]:
     import av
 
-    form, (width, height) = path.suffix, size
+    form = path.suffix
+    width, height = size
     options = {"fflags": "+bitexact"} | (
         {"movflags": "+faststart"} if form == ".mp4" else {}
     )
@@ -99,7 +101,9 @@ def _stream(
         stream: Any = container.add_stream(
             _CODECS[form], rate=fps, options=_OPTIONS[form]
         )
-        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        stream.width = width
+        stream.height = height
+        stream.pix_fmt = "yuv420p"
         context = stream.codec_context
         # The number of threads changes the bytes, so it must not depend on the machine.
         # One thread is fastest, as
@@ -107,7 +111,8 @@ def _stream(
         context.thread_count = 1 + min(width, height) // 1080
         context.gop_size = max(round(_KEY_INTERVAL * fps), 1)
         context.flags |= av.codec.context.Flags.bitexact
-        context.color_range, context.colorspace = 1, _BT709
+        context.color_range = 1
+        context.colorspace = _BT709
         context.color_primaries = context.color_trc = _BT709
         # Reuse one converter: creating it takes twice as long as converting a picture.
         converter: Any = av.video.reformatter.VideoReformatter()
@@ -122,7 +127,8 @@ def _stream(
                 dst_color_range="MPEG",
                 interpolation="POINT",
             )
-            frame.pts, frame.time_base = next(number), Fraction(1, fps)
+            frame.pts = next(number)
+            frame.time_base = Fraction(1, fps)
             container.mux(stream.encode(frame))
 
         yield append

@@ -52,11 +52,9 @@ def scene_message(
         largest_force: largest force of the wall on one point, if known [M c^2/R]; it
             determines the wall's drawn edge.
     """
-    lattice, wall, video = (
-        scenario.lattice,
-        scenario.model.wall,
-        video or scenario.scene.video,
-    )
+    lattice = scenario.lattice
+    wall = scenario.model.wall
+    video = video or scenario.scene.video
     triangles = Triangles(lattice)
     force = scenario.point_force if largest_force is None else largest_force
     return {

@@ -253,7 +253,10 @@ async function play() {
       const factor = Number(settings.magnify.toPrecision(2));
       const magnified = factor > 1 ? `displacements × ${factor}` : "";
       const lines = [...run.captions[Math.round(place)], magnified];
-      caption.replaceChildren(...lines.map(captionLine));
+      const shown = lines.map(captionLine);
+      // pace and magnification, for which small comparisons have no room
+      shown.slice(-2).forEach((line) => line.classList.add("scales"));
+      caption.replaceChildren(...shown);
     }
     curves.draw(place, settings.theme, scene.themes[settings.theme]);
     ui.moment.value = place;

@@ -54,7 +54,8 @@ from taichi_disk.web.drawing import (
 
 _LEVELS = 32_000  # levels of a displacement on either side of zero
 # levels of a colour on either side of zero, and from zero up
-_SIGNED, _AMOUNT = 127, 255
+_SIGNED = 127
+_AMOUNT = 255
 _STATES = 300_000  # approximate number of points in all states of a file together
 _FEWEST = 40  # fewest states, for a large disk; the page interpolates between them
 
@@ -265,10 +266,16 @@ class _Recorded:
 def _recorded(states: Recording) -> _Recorded:
     scenario = states.run.scenario
     lattice = scenario.lattice
-    springs, wall = scenario.model.springs, scenario.model.wall
+    springs = scenario.model.springs
+    wall = scenario.model.wall
     triangles = Triangles(lattice)
-    n, rest = lattice.disk_points, lattice.positions
-    motion, displacements, forces, centres, velocities = [], [], [], [], []
+    n = lattice.disk_points
+    rest = lattice.positions
+    motion = []
+    displacements = []
+    forces = []
+    centres = []
+    velocities = []
     values: dict[str, list[NDArray[np.float32]]] = {name: [] for name in QUANTITIES}
     for _, x, v in states.moments():
         raise_if_interrupted()

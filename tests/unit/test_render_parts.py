@@ -14,7 +14,7 @@ from taichi_disk.lattice import disk_lattice
 from taichi_disk.physics import ExponentialWall, Springs
 from taichi_disk.render import palette, scales
 from taichi_disk.render.geometry import ArrowStyle, Camera, arrows, edge_height
-from taichi_disk.render.legend import LEAST, Legend, Letters, footer
+from taichi_disk.render.legend import LEAST, Legend, Letters, Line, footer
 from taichi_disk.render.moments import Caption
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import LEVELS, THEMES, colour_map
@@ -308,6 +308,32 @@ def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, is_ba
 def test_words_of_a_hall_are_larger_by_the_user_s_factor():
     assert Letters(1.0, 1.5).small == 1.5 * Letters(1.0).small
     assert footer(Letters(1.0, 1.5), 720) > footer(Letters(1.0), 720)
+
+
+@pytest.mark.parametrize("colour", ["pressure", "shear"])
+@pytest.mark.parametrize("factor", [1.0, 1.5])
+@pytest.mark.parametrize("size", [240, 360, 720])
+def test_words_of_the_scales_do_not_overlap(size, factor, colour, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(Line, "draw", lambda line, _: drawn.append(line))
+    monkeypatch.setattr(Line, "write", lambda line, _: drawn.append(line))
+    letters = Letters(size / 720, factor)
+    arrows = painter(colour=colour, limit=0.015)
+    pace = ("1 s = 5.3 R/c", "slow motion")
+    area = size, footer(letters, size)
+    below = scales.Scales(arrows, area, letters, {pace, pace[:1]})
+    below.write(below.still(80.0 * size / 720), pace)
+    texts = [line.text for line in drawn]
+    assert "1 s = 5.3 R/c" in texts
+    assert "≥ 1.5" in texts or "≥ +1.5" in texts
+    assert ("stretched" in texts) == (colour == "pressure")
+    for k, line in enumerate(drawn):
+        left, right, _, _ = line.box
+        assert left >= 0.0 and right <= size
+        for other in drawn[k + 1 :]:
+            first, last, _, _ = other.box
+            is_apart = right <= first or last <= left
+            assert other.baseline != line.baseline or is_apart, (line, other)
 
 
 @pytest.mark.parametrize("colour", ["pressure", "shear"])
