@@ -71,14 +71,11 @@ class StepStudy:
         integrators = [
             integrator for integrator in INTEGRATORS.values() if integrator.takes(model)
         ]
-        runs = {
-            (method, self._steps(part * self._limit(method)))
-            for method in integrators
-            for part in FRACTIONS
-        }
-        self.runs = sorted(
-            {*runs, self.default}, key=lambda run: (run[0].order, run[0].name, run[1])
-        )
+        runs = {self.default}
+        for method in integrators:
+            limit = self._limit(method)
+            runs |= {(method, self._steps(part * limit)) for part in FRACTIONS}
+        self.runs = sorted(runs, key=lambda run: (run[0].order, run[0].name, run[1]))
         self.reference = Reference(scenario.lattice, model)
 
     def _limit(self, integrator: Integrator) -> float:
@@ -107,10 +104,8 @@ class StepStudy:
         evaluation = perf_counter() - started
         # DOP853 evaluates forces about 10 times per radian of the fastest vibration,
         # less often with strong dashpots.
-        springs, interval = (
-            self.scenario.model.springs,
-            self.scenario.model.reset_interval,
-        )
+        springs = self.scenario.model.springs
+        interval = self.scenario.model.reset_interval
         rate = (
             9.0 * self.spectrum.omega
             + 3.0 * springs.eta * self.spectrum.damping
@@ -121,7 +116,9 @@ class StepStudy:
     def measure(self, done: Callable[[int], object]) -> list[StepError]:
         """Compute the reference and all runs. `done` is called with the number of
         finished runs."""
-        scenario, (integrator, steps), errors = self.scenario, self.default, []
+        scenario = self.scenario
+        (integrator, steps) = self.default
+        errors = []
         x, v = self.reference.solve(scenario.velocities, self.end)
         end = replace(scenario.lattice, positions=x)
         # A simulation that starts from the reference solution measures the same
@@ -140,11 +137,9 @@ class StepStudy:
     def _measured(
         self, integrator: Integrator, steps: int, x: Array, truth: float
     ) -> StepError:
-        scenario, dt, stride = (
-            self.scenario,
-            self.end / steps,
-            max(1, steps // ENERGY_SAMPLES),
-        )
+        scenario = self.scenario
+        dt = self.end / steps
+        stride = max(1, steps // ENERGY_SAMPLES)
         simulation = shared_kernels().simulation(
             scenario.lattice, scenario.model, integrator, scenario.velocities, dt
         )
@@ -184,7 +179,8 @@ class Reference:
     Taichi kernels."""
 
     def __init__(self, lattice: Lattice, model: Model) -> None:
-        self.lattice, self.model = lattice, model
+        self.lattice = lattice
+        self.model = model
 
     def solve(
         self, velocities: Array, end: float, rtol: float = REFERENCE_RTOL
@@ -196,7 +192,8 @@ class Reference:
         """
         from scipy.integrate import solve_ivp
 
-        stops, interval = [end], self.model.reset_interval
+        stops = [end]
+        interval = self.model.reset_interval
         if interval:
             stops = [
                 *(np.arange(1, int(end / interval * (1 + 1e-12)) + 1) * interval),
@@ -227,7 +224,8 @@ class Reference:
                         f"the reference solution ends before t = {stop:.6g} R/c:"
                         f" {solution.message}"
                     )
-                y, t = np.array(solution.y[:, -1]), stop
+                y = np.array(solution.y[:, -1])
+                t = stop
             if interval and stop is not stops[-1]:
                 y.reshape(2, -1, 2)[1, self.lattice.wall_boundary] = 0.0
         return y.reshape(2, -1, 2)

@@ -39,7 +39,9 @@ REFINEMENTS = (4, 16, 64)
 MAX_POINTS = 200_000  # largest disk of a refinement, except for the first
 HARDNESS_FACTORS = (3.0, 10.0)  # factors of wall.a
 VISCOSITY = "material.viscosity"
-SAMPLE, POINTS, WALL = "lattice sample", "points", "wall hardness"
+SAMPLE = "lattice sample"
+POINTS = "points"
+WALL = "wall hardness"
 # in lattice scatters: a larger difference is an effect of the number of points
 SIGNIFICANCE = 2.0
 COMPILE_TIME = 5.0  # typical time of a compilation [s]
@@ -101,7 +103,8 @@ class Findings:
     @property
     def sentence(self) -> str:
         """Summary of the errors, with advice on the largest."""
-        finest, scatter = self.last_difference(POINTS), self.scatter
+        finest = self.last_difference(POINTS)
+        scatter = self.scatter
         parts = [
             (
                 f"time step {self.step:.1g}"
@@ -117,9 +120,11 @@ class Findings:
         parts += [
             f"{name} {value:.1g}" for name, value in others if math.isfinite(value)
         ]
-        more = ["seeds"] * (scatter > self.step) + ["points"] * (
-            abs(finest) > max(SIGNIFICANCE * scatter, self.step)
-        )
+        more = []
+        if scatter > self.step:
+            more.append("seeds")
+        if abs(finest) > max(SIGNIFICANCE * scatter, self.step):
+            more.append("points")
         advice = (
             "use smaller steps (time.tolerance)" if self.steps else "nothing to gain"
         )
@@ -162,7 +167,8 @@ def study(scene: Scene, out: Path, title: str, note: Callable[[str], None]) -> N
 
 
 def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Findings:
-    scenario, study = scene.scenario(), None
+    scenario = scene.scenario()
+    study = None
     progress("simulate", 0, None)
     if scenario.model.has_friction:
         raise InputError(
@@ -172,7 +178,8 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
     if scenario.step_dependent:
         outcome = compute(scenario, estimate=False)
         study = StepStudy(scenario, spectrum(scenario.lattice, scenario.model), outcome)
-    others, started = list(changes(scene)), perf_counter()
+    others = list(changes(scene))
+    started = perf_counter()
     base = result_of(scene)
     run_time = perf_counter() - started
     # time grows as points**exponent; finer lattices also need shorter steps
@@ -180,7 +187,8 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
     expected = COMPILE_TIME + run_time * sum(
         change.refinement**exponent for change in others
     )
-    runs, steps = f"{len(others)} runs", []
+    runs = f"{len(others)} runs"
+    steps = []
     if study:
         runs = f"{len(others) + len(study.runs)} runs and a reference solution"
         expected += study.seconds(run_time)
@@ -197,7 +205,8 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
 
 
 def changes(scene: Scene) -> Iterator[Change]:
-    lattice, a = scene.lattice, scene.wall.a
+    lattice = scene.lattice
+    a = scene.wall.a
     if lattice.file == "none":  # user-supplied points have no other random sample
         for seed in range(lattice.seed + 1, lattice.seed + SEEDS):
             yield Change(SAMPLE, f"seed {seed}", {"lattice.seed": seed})
@@ -208,8 +217,10 @@ def changes(scene: Scene) -> Iterator[Change]:
             # A reset acts on each boundary point like a drag of 2 m/interval.
             if scene.reset_interval:
                 keys["wall.reset_interval"] = scene.reset_interval / math.sqrt(factor)
-            same = ", same η" * bool(scene.material.dashpots[1])
-            yield Change(POINTS, f"N = {factor * lattice.points:,}{same}", keys, factor)
+            text = f"N = {factor * lattice.points:,}"
+            if scene.material.dashpots[1]:
+                text += ", same η"
+            yield Change(POINTS, text, keys, factor)
     for multiple in HARDNESS_FACTORS:
         yield Change(WALL, f"a = {multiple * a:g}/R", {"wall.a": multiple * a})
 
@@ -247,26 +258,22 @@ def report(findings: Findings, out: Path, title: str) -> None:
 
     text = tables(findings)
     write_text(out / "accuracy.md", f"# {title}\n\n{findings.sentence}.\n\n{text}\n")
-    columns = ("source", "change", "result", "difference", "remark")
-    write_csv(
-        out / "error_sources.csv",
-        [
-            {name: getattr(change, name) for name in columns}
-            for change in findings.sources
-        ],
-    )
+    write_csv(out / "error_sources.csv", [_source_row(one) for one in findings.sources])
     if findings.steps:
-        own = {"is_default": "own"}  # the column `own` keeps its old name
-        write_csv(
-            out / "accuracy.csv",
-            [
-                {own.get(k, k): v for k, v in asdict(step).items()}
-                for step in findings.steps
-            ],
-        )
+        write_csv(out / "accuracy.csv", [_step_row(step) for step in findings.steps])
         draw(findings, out / "accuracy.png", title)
     print(findings.sentence)
     Console(width=None if sys.stdout.isatty() else TABLE_WIDTH).print(Markdown(text))
+
+
+def _source_row(change: Change) -> dict[str, Any]:
+    columns = ("source", "change", "result", "difference", "remark")
+    return {name: getattr(change, name) for name in columns}
+
+
+def _step_row(step: StepError) -> dict[str, Any]:
+    own = {"is_default": "own"}  # the column `own` keeps its old name
+    return {own.get(name, name): value for name, value in asdict(step).items()}
 
 
 def tables(findings: Findings) -> str:
@@ -280,10 +287,10 @@ def tables(findings: Findings) -> str:
             "|---" * 8 + "|",
         ]
     for p in findings.steps:
-        name, cost = (
-            p.integrator + " (run)" * p.is_default,
-            f"{1e3 * p.seconds:.1f} | {p.ns_per_spring_and_step:.1f}",
-        )
+        name = p.integrator
+        if p.is_default:
+            name += " (run)"
+        cost = f"{1e3 * p.seconds:.1f} | {p.ns_per_spring_and_step:.1f}"
         errors = (
             f"{p.error:.1e} | {p.trajectory_error:.1e} | {p.closing_imbalance:+.1e}"
         )

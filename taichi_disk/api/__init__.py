@@ -475,7 +475,8 @@ class Result:
         lattice.npz has been changed.
         """
         folder = as_path(folder, "folder")
-        path, summary = folder / "scene.yaml", files.read_summary(folder)
+        path = folder / "scene.yaml"
+        summary = files.read_summary(folder)
         if not path.is_file() or "status" not in summary:
             name = "summary.json that can be read" if path.is_file() else "scene.yaml"
             raise InputError(

@@ -18,7 +18,8 @@ from taichi_disk.scenes.setup import outcome_of
 MOST_LATTICES = 10_000
 # The default number of lattices, and the one for a relaxation or a tolerance, which
 # take several times as long.
-LATTICES, FEW_LATTICES = 8, 3
+LATTICES = 8
+FEW_LATTICES = 3
 MAX_POINTS = 5_000  # of disk and wall; a larger scene is computed on one lattice
 
 

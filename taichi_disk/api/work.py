@@ -188,7 +188,9 @@ class Work:
 
         `artist` draws curves.
         """
-        path, summary, scenario = folder.path, outcome.summary, outcome.scenario
+        path = folder.path
+        summary = outcome.summary
+        scenario = outcome.scenario
         # The first file holds the numbers, in case there is no room for the others.
         incomplete = {"status": "failed", "reason": "its files could not be written"}
         files.write_summary(path / "summary.json", summary | incomplete)

@@ -36,7 +36,8 @@ def contact_interval(t: Array, force: Array, velocity: Array) -> tuple[float, fl
             else float(t[i])
         )
 
-    first, last = int(inside[0]), int(inside[-1])
+    first = int(inside[0])
+    last = int(inside[-1])
     start = crossing(first - 1, first) if first > 0 else float(t[0])
     end = crossing(last, last + 1) if last + 1 < len(t) else float(t[-1])
     return start, end
@@ -69,7 +70,8 @@ def greatest_compression(columns: Columns) -> float:
     If a spin stretches the disk before the contact, return the time at which the centre
     of mass is lowest.
     """
-    force, elastic = columns["wall_force"], columns["elastic"]
+    force = columns["wall_force"]
+    elastic = columns["elastic"]
     touches = force >= CONTACT_LEVEL * force.max()
     stored = elastic * touches
     stretched = (

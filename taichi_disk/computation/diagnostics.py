@@ -20,7 +20,8 @@ from taichi_disk.physics import Model
 from taichi_disk.simulation.observables import INDEX, Columns, of_kind, total_energy
 
 # largest imbalance at the end and at any time without a shorter step
-MAX_CLOSING, MAX_WORST = 2e-5, 1e-4
+MAX_CLOSING = 2e-5
+MAX_WORST = 1e-4
 # largest imbalance at the end of a valid run; more would show in the third digit of e
 MAX_IMBALANCE = 1e-3
 MIN_SPIN = 1e-9  # a disk with less angular momentum does not spin [M R c]
@@ -92,7 +93,8 @@ def _faster_than_before(columns: Columns) -> str:
     before, after = (float(columns["com_vy"][k] ** 2) for k in (0, -1))
     if not before or after <= (1.0 + MAX_IMBALANCE) * before:
         return ""
-    spin, along = 2.0 * columns["rotation"], columns["com_vx"] ** 2
+    spin = 2.0 * columns["rotation"]
+    along = columns["com_vx"] ** 2
     spin_part, along_part = (
         round(float(one[0] - one[-1]) / before, 4) + 0.0 for one in (spin, along)
     )
@@ -105,7 +107,8 @@ def _faster_than_before(columns: Columns) -> str:
 
 
 def _rotation_lost(scenario: Scenario, columns: Columns) -> str:
-    t, spin = columns["t"], columns["angular_momentum"]
+    t = columns["t"]
+    spin = columns["angular_momentum"]
     start, _ = contact_interval(t, columns["wall_force"], columns["com_vy"])
     flights = [(spin[0], float(np.interp(start, t, spin)), "before the contact")]
     if "spin_after" in scenario.result(columns):
@@ -136,10 +139,8 @@ class EnergyBalance:
     without errors [M c^2]."""
 
     def __init__(self, start: Array) -> None:
-        self.total, self._load = (
-            float(total_energy(start[None])[0]),
-            float(start[INDEX["load"]]),
-        )
+        self.total = float(total_energy(start[None])[0])
+        self._load = float(start[INDEX["load"]])
         self._largest = float(self._size(start[None])[0])
 
     def first_lost(self, rows: Array) -> int | None:
@@ -207,7 +208,8 @@ def gone_through(lattice: Lattice, model: Model, x: Array, energy: float) -> boo
     wall = model.elastic
     if wall is None:
         return False
-    disk, surface = x[: lattice.disk_points], x[lattice.wall_surface]
+    disk = x[: lattice.disk_points]
+    surface = x[lattice.wall_surface]
     px, py = disk[disk[:, 1] < surface[:, 1].max()].T[:, :, None]
     # twice the depth that the potential permits
     deep = -2.0 * wall.height_of(max(energy, wall.V0))
@@ -233,7 +235,8 @@ def explained(scenario: Scenario, dt: float, part: float, x: Array, lost: str) -
     `dt` [R/c]: the step; `part`: `dt` as a fraction of the stability limit; `x` (n, 2)
     [R]: positions at that row.
     """
-    lattice, model = scenario.lattice, scenario.model
+    lattice = scenario.lattice
+    model = scenario.model
     strain = model.springs.strain(lattice, x)
     worst = int(np.abs(strain).argmax())
     i, j = lattice.bonds[worst]

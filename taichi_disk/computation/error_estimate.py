@@ -27,10 +27,12 @@ from taichi_disk.simulation.observables import Columns, split
 # tests.validation.estimate_trial`.
 STEP_RATIO = 1.25  # ratio of a run's step to the shorter step of its second run
 # the same ratios of the further runs if errors fall irregularly
-HALF_STEP, QUARTER_STEP = 2.0, 4.0
+HALF_STEP = 2.0
+QUARTER_STEP = 4.0
 # The second run has the longer step of 0.95 of the stability limit if the first has at
 # least 0.75 of it.
-LONGER_STEP, LONGER_FROM = 0.95, 0.75
+LONGER_STEP = 0.95
+LONGER_FROM = 0.75
 # Ratio of the stated error to the error by Richardson's extrapolation, for each assumed
 # order. Order 1 has a reserve.
 ERROR_SAFETY = {1: 1.5, 2: 2.0, 4: 2.0}
@@ -48,7 +50,8 @@ SEARCH = 12  # number of steps tried for a tolerance
 # ratio of the error that the next step should have to the tolerance
 TOLERANCE_PART = 0.75
 # ratio of a step to the next; a power law is not reliable beyond 3
-LEAST_RATIO, MOST_RATIO = 1.15, 3.0
+LEAST_RATIO = 1.15
+MOST_RATIO = 3.0
 
 # A motion may be chaotic if the estimated error exceeds this fraction of the result, or
 # if it has not fallen although the step is shorter by CHAOS_SHORTER.
@@ -136,7 +139,9 @@ def _errors(
 ) -> dict[str, float]:
     """Return the errors of the quantities of a finished run by name. `others`: step
     [R/c] and quantities of its further runs."""
-    scenario, columns, dt = driver.scenario, driver.columns, driver.step.dt
+    scenario = driver.scenario
+    columns = driver.columns
+    dt = driver.step.dt
     runs = [*others, (dt, measured(scenario, columns))]
     least = ROUNDING
     if dt > scenario.wall_step:
@@ -204,7 +209,8 @@ def _is_irregular(driver: Driver) -> bool:
 def _other_steps(driver: Driver) -> list[float]:
     """Return the steps [R/c] of the other runs: shorter ones, or a longer one, which
     costs less, if that is stable."""
-    step, interval = driver.step, driver.scenario.model.reset_interval
+    step = driver.step
+    interval = driver.scenario.model.reset_interval
     if _is_irregular(driver):
         return [
             fitted(step.dt / ratio, interval) for ratio in (HALF_STEP, QUARTER_STEP)

@@ -128,12 +128,12 @@ def _described(
     attempts: int,
     compile_seconds: float,
 ) -> Outcome:
-    scenario, step, end = driver.scenario, driver.step, driver.end
+    scenario = driver.scenario
+    step = driver.step
+    end = driver.end
     assert end is not None
-    columns, largest = (
-        split(driver.columns, scenario.lattice.inertia),
-        driver.largest_force,
-    )
+    columns = split(driver.columns, scenario.lattice.inertia)
+    largest = driver.largest_force
     _, positions, velocities = driver.final
     limit = step.limit_under(largest)
     warnings = diagnostics.warnings(scenario, columns)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -246,9 +246,13 @@ def _measured(
         return x, None
     results = {}
     for name in names:
-        table = [[row[place][name] for place in places] for row in complete]
+        table = [_values(row, places, name) for row in complete]
         results[name] = np.array(table, float)
     return x, results
+
+
+def _values(rows: Mapping[Any, Row], places: Iterable[Any], name: str) -> list[Any]:
+    return [rows[place][name] for place in places]
 
 
 def _lattice(row: Row, seed: str | None) -> Any:

@@ -86,7 +86,7 @@ def interleave_springs(bonds: NDArray[np.int32], points: int) -> NDArray[np.int6
     # Springs with the same colour in a greedy edge colouring share no point. Within a
     # window of WINDOW points, springs are ordered by colour; this keeps memory accesses
     # local and makes a step 10 % faster.
-    used = [0] * points  # set of the colours at each point, as bits
+    used = points * [0]  # set of the colours at each point, as bits
     colour = np.empty(len(bonds), dtype=np.int64)
     for b, (i, j) in enumerate(bonds.tolist()):
         occupied = used[i] | used[j]

@@ -14,6 +14,7 @@ import numpy as np
 from taichi_disk.computation.driver import State
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import InputError
+from taichi_disk.fields import Triangles
 from taichi_disk.output.artist import Artist
 from taichi_disk.output.files import (
     atomic_write,
@@ -51,6 +52,7 @@ _LABEL_SIZE = 1.5  # size of a comparison's differing keys, relative to the titl
 _MIN_PANEL_SIZE = 360
 _PANEL_WIDTH = 7 / 9  # over the height: with one disk, a film is 16 : 9
 _DISK_WIDTH = 8 / 9  # of one of several disks: two are 16 : 9, three 16 : 6
+_SIDE_PARTS = 4  # points on a side that must not touch words
 _PANEL_LETTER = 20.0  # in a picture of 720 pixels [px]
 
 
@@ -206,10 +208,11 @@ def _pictures(
     if not legends[0].painter.has_elastic_wall and footer(letters, video.size):
         # the wall's body carries the scales
         view = (*view[:2], max(one.edge for one in states), view[3])
-    outer = [np.concatenate(one.outer_positions(magnify)) for one in states]
+    outer = [_outer_points(one, magnify) for one in states]
     layout = arranged(legends, size, letters, view, outer)
     below = len(states) * width, footer(letters, video.size)
-    scales = Scales(legends[0].painter, below, letters)
+    paces = {cue.pace for cue in shots}
+    scales = Scales(legends[0].painter, below, letters, paces)
     return Pictures(
         legends, scales, layout, size, video.supersample, panel, panel_width
     )
@@ -229,6 +232,23 @@ def painter_of(states: Recording, video: VideoSection, magnify: float) -> Painte
     painter.full_speed = states.full_speed
     painter.edge = states.edge
     return painter
+
+
+def _outer_points(states: Recording, magnify: float) -> Any:
+    """Return points (k, 2) [R] on the outline of the disk where it reaches farthest,
+    several on each side of a triangle, because a side may cut off a corner of a
+    word."""
+    lattice = states.run.scenario.lattice
+    sides = Triangles(lattice).outline
+    start, end = sides[(sides < lattice.disk_points).all(axis=1)].T
+    if not len(start):
+        return np.concatenate(states.outer_positions(magnify))
+    parts = np.arange(_SIDE_PARTS)[:, None, None] / _SIDE_PARTS
+    points = []
+    for x in states.outer_positions(magnify):
+        along = x[start] + parts * (x[end] - x[start])
+        points.append(along.reshape(-1, 2))
+    return np.concatenate(points)
 
 
 def common_view(views: Sequence[View]) -> View:

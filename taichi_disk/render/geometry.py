@@ -308,21 +308,22 @@ def _rimmed(
     colour: Colour,
     theme: Theme,
 ) -> Shape:
-    around = corners + style.rim * _outward(corners)
-    rim = _faded(around, triangles, theme.ground, style.fade)
-    return joined(rim, _faded(corners, triangles, colour, style.fade))
+    outward = _outward(corners)
+    half = 0.5 * style.fade * outward
+    rim = _faded(corners + style.rim * outward, half, triangles, theme.ground)
+    return joined(rim, _faded(corners, half, triangles, colour))
 
 
 def _faded(
-    corners: Array, triangles: NDArray[np.intp], colour: Colour, fade: float
+    corners: Array, half: Array, triangles: NDArray[np.intp], colour: Colour
 ) -> Shape:
     """Return polygons with `corners` (k, c, 2), counter-clockwise, whose edges fade
-    over the distance `fade` [R]. `triangles` (t, 3) fill a polygon."""
-    outward = _outward(corners)
-    inner = corners - 0.5 * fade * outward
-    outer = corners + 0.5 * fade * outward
-    inner_ahead = np.roll(inner, -1, axis=1)
-    outer_ahead = np.roll(outer, -1, axis=1)
+    from `corners` - `half` to `corners` + `half` [R]. `triangles` (t, 3) fill a
+    polygon."""
+    inner = corners - half
+    outer = corners + half
+    inner_ahead = _next(inner)
+    outer_ahead = _next(outer)
     parts = [inner, inner_ahead, outer_ahead, inner, outer_ahead, outer]
     strip = np.stack(parts, axis=2).reshape(-1, 2)
     fill = inner[:, triangles].reshape(-1, 2)
@@ -331,12 +332,17 @@ def _faded(
     return np.concatenate([fill, strip]), colours
 
 
+def _next(corners: Array) -> Array:
+    # several times faster than np.roll
+    return np.concatenate([corners[:, 1:], corners[:, :1]], axis=1)
+
+
 def _outward(corners: Array) -> Array:
     """Return the vectors (k, c, 2) by which the corners of polygons, counter-clockwise,
     move if all sides move outwards by 1."""
-    sides = np.roll(corners, -1, axis=1) - corners
+    sides = _next(corners) - corners
     sides /= np.maximum(np.hypot(sides[..., 0], sides[..., 1]), 1e-300)[..., None]
     normal = np.stack([sides[..., 1], -sides[..., 0]], axis=-1)
-    before = np.roll(normal, 1, axis=1)
+    before = np.concatenate([normal[:, -1:], normal[:, :-1]], axis=1)
     cosine = (normal * before).sum(axis=-1, keepdims=True)
     return np.asarray((normal + before) / (1.0 + cosine))

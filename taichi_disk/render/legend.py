@@ -206,8 +206,12 @@ class Legend:
         for text, bold in words:
             size = self._first if bold else self._text
             colour = self._ink if bold else self._faint
-            if lines:
-                baseline += 1.3 * self._heading if lines[-1].bold else 1.4 * self._text
+            if bold and lines:
+                baseline += 1.2 * self._first
+            elif lines and lines[-1].bold:
+                baseline += 1.3 * self._heading
+            elif lines:
+                baseline += 1.4 * self._text
             if baseline < most:
                 lines.append(Line(text, size, colour, self._margin, baseline, bold))
         return lines

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -61,9 +61,13 @@ class Scales:
     rigid wall, or below an elastic one. Scales are shared by compared disks."""
 
     def __init__(
-        self, painter: Painter, size: tuple[int, int], letters: Letters
+        self,
+        painter: Painter,
+        size: tuple[int, int],
+        letters: Letters,
+        paces: Collection[Sequence[str]] = (),
     ) -> None:
-        """`size`: (width, height) [px]."""
+        """`size`: (width, height) [px]; `paces`: all that `write` will write."""
         self._painter = painter
         self._width, self._height = size
         self._unit = letters.unit
@@ -78,6 +82,15 @@ class Scales:
         self._ground = ink(theme.ground if painter.has_elastic_wall else theme.wall)
         self._pace: Sequence[str] = ()
         self._written: list[Line] = []
+        first = [lines[0] for lines in paces if lines]
+        self._first_pace = max(
+            (text_width(one, self._small) for one in first), default=0.0
+        )
+        second = [line for lines in paces for line in lines[1:]]
+        self._second_pace = max(
+            (text_width(one, self._small) for one in second), default=0.0
+        )
+        self._has_second = True
 
     def still(self, scale: float) -> NDArray[np.uint8]:
         """Return the picture (height, width, 3) of the scales. `scale`: pixels per
@@ -89,7 +102,9 @@ class Scales:
         left = self._margin
         if self._painter.full_force:
             left = self._draw_force(draw, scale)
-        free = self._width - 2.0 * left - 2.0 * self._small
+        beside = max(left, self._margin + self._first_pace)
+        # half of the first and of the last number stand beside the bar
+        free = self._width - 2.0 * beside - 5.0 * self._small
         least = 0.2 * _BAR_WIDTH * self._unit
         self._draw_bar(draw, round(max(min(_BAR_WIDTH * self._unit, free), least)))
         return np.array(image)
@@ -102,9 +117,12 @@ class Scales:
         for line in self._written:
             picture[line.pixels] = self._ground
         right = self._width - self._margin
+        rows = [self._numbers]
+        if self._has_second:
+            rows.append(self._words)
         self._written = [
             self._line(text, right, row, ends=True)
-            for text, row in zip(pace, (self._numbers, self._words), strict=False)
+            for text, row in zip(pace, rows, strict=False)
         ]
         for line in self._written:
             line.write(picture)
@@ -130,8 +148,13 @@ class Scales:
         return number.box[1]
 
     def _draw_names(self, draw: Any, name: str) -> None:
-        """Write what the colours mean, and the arrow, if there is room for it."""
-        start = (self._width - text_width(name, self._small)) / 2
+        """Write what the colours mean; what the arrow means and whether motion is slow,
+        only if there is room for it."""
+        width = text_width(name, self._small)
+        start = (self._width - width) / 2
+        end = self._width - self._margin - self._second_pace - self._small
+        if start + width > end:
+            self._has_second = False
         self._line(name, start, self._words).draw(draw)
         arrow = self._line(_ARROWS, self._margin, self._words)
         if self._painter.full_force and arrow.box[1] + self._small < start:

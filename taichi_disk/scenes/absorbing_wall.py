@@ -67,14 +67,13 @@ class AbsorbingWallScene(ImpactScene):
                 f" {rounded_up(least)} R or more"
             )
             conflicts.append(("wall.threshold", text))
-        if (
-            least := oblique.least_width(
-                self.wall, self.impact, self.time, self.softer_k_a
-            )
-        ) > self.wall.width:
+        narrowest = oblique.least_width(
+            self.wall, self.impact, self.time, self.softer_k_a
+        )
+        if narrowest > self.wall.width:
             text = (
-                f"this impact touches the wall up to {0.5 * least:.3g} R from its"
-                f" middle: write {rounded_up(least)} R or more, or another"
+                f"this impact touches the wall up to {0.5 * narrowest:.3g} R from its"
+                f" middle: write {rounded_up(narrowest)} R or more, or another"
                 " impact.offset"
             )
             conflicts.append(("wall.width", text))

@@ -276,10 +276,13 @@ class Compression(Scenario):
 
     def title(self) -> tuple[str, ...]:
         scene = self.scene
+        load = f"P = {self.pressure:g} Mc²/R"
+        parameters = f"{load}    {scene.damping}    a = {scene.wall.a:g}/R"
+        if self.own_velocities:
+            parameters += "    own velocities"
         return (
             f"Compression on a rigid wall ({scene.compression.method})",
-            f"P = {self.pressure:g} Mc²/R    {scene.damping}    a = {scene.wall.a:g}/R"
-            + "    own velocities" * self.own_velocities,
+            parameters,
             scene.described(self.lattice),
         )
 

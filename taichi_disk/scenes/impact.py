@@ -417,6 +417,7 @@ class ImpactScenario(Scenario):
         if not self.scene.is_oblique:
             return time, f"{signed(row['com_vy'] / self.velocity)} v"
         speed = self.scene.impact.velocity
-        across, up = signed(row["com_vx"] / speed), signed(row["com_vy"] / speed)
+        across = signed(row["com_vx"] / speed)
+        up = signed(row["com_vy"] / speed)
         spin = row["angular_momentum"] / self.shape.inertia
         return time, f"{across}, {up} v", f"spin {signed(spin, 3)} c/R"

@@ -41,9 +41,8 @@ class Equilibria:
     def interpolated(self, times: Array) -> Iterator[State]:
         for t in np.clip(times, self.fractions[0], 1.0).tolist():
             k = max(int(np.searchsorted(self.fractions, t)), 1)
-            weight = (t - self.fractions[k - 1]) / (
-                self.fractions[k] - self.fractions[k - 1]
-            )
+            before = self.fractions[k - 1]
+            weight = (t - before) / (self.fractions[k] - before)
             x = (1.0 - weight) * self.states[k - 1] + weight * self.states[k]
             yield State(t, x, np.zeros_like(x))
 
@@ -60,7 +59,9 @@ def quasistatic(scenario: Any, loads: int, progress: Progress) -> Outcome:
     fraction of the full load."""
     # The full load is solved first and each lower load from the one above it, so the
     # result does not depend on `loads`.
-    lattice, model, rest = scenario.lattice, scenario.model, scenario.rest
+    lattice = scenario.lattice
+    model = scenario.model
+    rest = scenario.rest
     # denser at small loads, where the disk settles
     fractions = (np.arange(1, loads + 1) / loads) ** 1.5
     path = Equilibria(lattice, model, fractions, [rest.positions])
@@ -83,10 +84,8 @@ def quasistatic(scenario: Any, loads: int, progress: Progress) -> Outcome:
         columns["residual"][k] = np.hypot(
             *path.loaded(fractions[k]).forces(lattice, x).T
         ).max()
-        columns["elastic"][k], columns["wall"][k] = (
-            model.springs.energy(lattice, x),
-            model.wall.energy(lattice, x),
-        )
+        columns["elastic"][k] = model.springs.energy(lattice, x)
+        columns["wall"][k] = model.wall.energy(lattice, x)
     columns["load"] = fractions * model.load.force * columns["com_y"]
     columns["total"] = columns["elastic"] + columns["wall"] + columns["load"]
     inverted = inverted_triangles(lattice, rest.positions)

@@ -63,7 +63,8 @@ def along_the_wall(
     """
     end = results_time(columns)
     t = columns["t"]
-    vx, vy = columns["com_vx"], columns["com_vy"]
+    vx = columns["com_vx"]
+    vy = columns["com_vy"]
     spin = columns["angular_momentum"]
     tangential_impulse = float(vx[-1] - vx[0])
     # After the last contact only the moment of the wall's tangential impulse changes

@@ -10,6 +10,7 @@ Every combination is one scene. A list of such sections is swept one after the o
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import prod
 from typing import Any, TypeAlias
@@ -43,7 +44,7 @@ class Sweep:
 
     @property
     def axes(self) -> list[str]:
-        return list(dict.fromkeys(name for block in self.blocks for name in block))
+        return list(dict.fromkeys(itertools.chain.from_iterable(self.blocks)))
 
     def to_yaml(self) -> str:
         """Return the sweep as YAML with all defaults; reading it gives an equal
@@ -175,29 +176,22 @@ def _combine(
     for block in blocks:
         start = {name: values[0] for name, values in block.items()}
         taken: dict[str, dict[Any, None]] = {name: {} for name in block}
-        for name, value in (
-            (name, value) for name, values in block.items() for value in values
-        ):
-            one = _with(kind, tree, start | {name: value})
-            found = check(one, kinds)
-            tree.take_faults(one)
-            if found:
+        for name, values in block.items():
+            for value in values:
+                one = _with(kind, tree, start | {name: value})
+                found = check(one, kinds)
+                tree.take_faults(one)
+                if found is None:
+                    continue
                 taken[name][value_of(found, name)] = None
                 if value is start[name] and target_of(found, name) in found.unused():
-                    tree.fault(
-                        value[1].key,
-                        ("sweep", name),
-                        "has no effect with lattice.file: leave it out",
-                    )
+                    what = "has no effect with lattice.file: leave it out"
+                    tree.fault(value[1].key, ("sweep", name), what)
         swept.append({name: tuple(values) for name, values in taken.items()})
     if tree.faults:
         return None
     scenes: dict[DiskScene, None] = {}
-    for chosen in (
-        dict(zip(block, each, strict=True))
-        for block in blocks
-        for each in itertools.product(*block.values())
-    ):
+    for chosen in _combinations(blocks):
         one = _with(kind, tree, chosen)
         found = check(one, kinds)
         if found is None:
@@ -209,6 +203,15 @@ def _combine(
     return Sweep(tuple(swept), tuple(scenes))
 
 
+def _combinations(
+    blocks: Sequence[dict[str, Any]],
+) -> Iterator[dict[str, tuple[Value, Entry]]]:
+    """Yield each combination of the values of each block."""
+    for block in blocks:
+        for values in itertools.product(*block.values()):
+            yield dict(zip(block, values, strict=True))
+
+
 def _with(
     kind: type[DiskScene], tree: Tree, chosen: dict[str, tuple[Value, Entry]]
 ) -> Tree:
@@ -216,7 +219,8 @@ def _with(
     for name, (one, entry) in chosen.items():
         target = section, key = target_of(kind, name) or ("", "")
         scene.entries.setdefault((section,), entry)
-        if isinstance(there := scene.value.get(section, {}), dict):
-            scene.value[section] = {**there, key: one}
+        present = scene.value.get(section, {})
+        if isinstance(present, dict):
+            scene.value[section] = {**present, key: one}
             scene.entries[target] = entry
     return scene

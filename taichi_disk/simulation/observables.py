@@ -12,13 +12,11 @@ Columns = dict[str, Array]  # the time series: one array (rows,) per column
 # velocity and flight; contrast to white at least 4.5, like all colours of COLUMNS
 VELOCITY = "#00806A"
 # Okabe and Ito's colours, which colour-blind readers can tell apart.
-BLUE, RED, GREEN, PINK, ORANGE = (
-    "#0072B2",
-    "#D55E00",
-    "#009E73",
-    "#CC79A7",
-    "#E69F00",
-)
+BLUE = "#0072B2"
+RED = "#D55E00"
+GREEN = "#009E73"
+PINK = "#CC79A7"
+ORANGE = "#E69F00"
 
 
 class Column(NamedTuple):
@@ -134,15 +132,15 @@ BY_NAME = {column.name: column for column in COLUMNS}
 
 
 def of_kind(*kinds: str) -> list[str]:
-    return [column.name for kind in kinds for column in COLUMNS if column.kind == kind]
+    """Return the names of the columns of the `kinds`, kind by kind."""
+    names = []
+    for kind in kinds:
+        names += [column.name for column in COLUMNS if column.kind == kind]
+    return names
 
 
-INDEX = {
-    column.name: k
-    for k, column in enumerate(
-        each for each in COLUMNS if each.kind in ("motion", "energy", "loss")
-    )
-}
+_STORED = [one.name for one in COLUMNS if one.kind in ("motion", "energy", "loss")]
+INDEX = {name: k for k, name in enumerate(_STORED)}
 ENERGY_INDICES = sorted(INDEX[name] for name in of_kind("energy", "loss"))
 
 

@@ -155,11 +155,13 @@ def window_problem() -> str | None:
     name = os.environ.get("DISPLAY")
     if _X11 and not name:
         return "there is no display (DISPLAY is not set)"
-    if (problem := film_problem()) or not _X11:
+    problem = film_problem()
+    if problem or not _X11:
         return problem
     x11 = CDLL("libX11.so.6")
     x11.XOpenDisplay.restype = c_void_p
-    if not (display := x11.XOpenDisplay(None)):
+    display = x11.XOpenDisplay(None)
+    if not display:
         return f"the display {name} does not answer"
     x11.XCloseDisplay(c_void_p(display))
     return None

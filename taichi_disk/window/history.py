@@ -25,7 +25,10 @@ from taichi_disk.simulation.stepping import Snapshot
 
 # first time between two stored states, over the springs' time unit
 STORE_SPACING = 1.5e-2
-HIT_AGAIN, DISTURBED, PULLED = "hit again", "disturbed", "pulled"  # changes by the user
+# changes by the user
+HIT_AGAIN = "hit again"
+DISTURBED = "disturbed"
+PULLED = "pulled"
 # stored states and their memory; then every second one is dropped
 MAX_STATES = 1280
 MAX_BYTES = 1.7e9
@@ -272,10 +275,10 @@ class Timeline:
         segment = self.segment
         until = perf_counter() + seconds
         start = segment.simulation.step_number
-        while (
-            left := start + steps - segment.simulation.step_number
-        ) > 0 and segment.status != "failed":
+        end = start + steps
+        while segment.simulation.step_number < end and segment.status != "failed":
             before = segment.status
+            left = end - segment.simulation.step_number
             segment.advance(until - perf_counter(), min(left, self.due))
             if segment.status not in ("running", before):
                 shorter = segment.begun_again()

@@ -118,7 +118,8 @@ class Sandbox:
 
     def __init__(self, scene: Scene, kernels: KernelCache) -> None:
         """Begin with `scene`. Raises TaichiDiskError."""
-        self.kernels, self.scene = kernels, scene
+        self.kernels = kernels
+        self.scene = scene
         self.results: list[Experiment] = []
         self.begin()
 
@@ -129,7 +130,8 @@ class Sandbox:
         Raises TaichiDiskError, and then leaves everything as it was.
         """
         self.time = Timeline(scene or self.scene, self.kernels)
-        self.scene, self.starts = self.time.segment.scenario.scene, self.starts + 1
+        self.scene = self.time.segment.scenario.scene
+        self.starts = self.starts + 1
         self.paused = True
         self.message = ""
         self._due = 0.0
@@ -192,7 +194,8 @@ class Sandbox:
     def tick(self) -> int:
         """Let the time since the last tick pass, at most MAX_PASSED; return the number
         of steps made."""
-        before, self._clock = self._clock, perf_counter()
+        before = self._clock
+        self._clock = perf_counter()
         return self.advance(min(self._clock - before, MAX_PASSED))
 
     def advance(self, seconds: float, max_seconds: float = MAX_COMPUTING_TIME) -> int:
@@ -227,7 +230,8 @@ class Sandbox:
             dt = self.time.segment.step.dt
             self.message = f"computed again with a shorter step, {dt:.2g} R/c"
         elif segment.status == "failed":
-            self.paused, self.remaining_loads = True, []
+            self.paused = True
+            self.remaining_loads = []
             self.message = (
                 f"{segment.failure} (go back to the start or back in time, or change"
                 " something)"
@@ -239,17 +243,15 @@ class Sandbox:
     def _finish(self, segment: Segment) -> None:
         """Enter the result into the table, and begin the next experiment of a curve
         that is being collected."""
-        scenario, label = segment.scenario, segment.label
-        scene, points = scenario.scene, scenario.lattice.disk_points
+        scenario = segment.scenario
+        label = segment.label
+        scene = scenario.scene
+        points = scenario.lattice.disk_points
         numbers = scenario.result(segment.columns)
-        value, unit = (
-            next(iter(numbers.values())),
-            next(iter(scenario.labels.values()))[1],
-        )
-        eta_star, contact_time = (
-            scene.material.eta(points) * points,
-            numbers.get("contact_time"),
-        )
+        value = next(iter(numbers.values()))
+        unit = next(iter(scenario.labels.values()))[1]
+        eta_star = scene.material.eta(points) * points
+        contact_time = numbers.get("contact_time")
         keys = load_key(scene), "impact.angle", "impact.spin", "wall.friction"
         settings = [
             *(value_of(scene, key) for key in keys),
@@ -291,7 +293,8 @@ class Sandbox:
             )
             self.begin(with_key(self.scene, key, loads[0]))
             self.time.spacing *= COLLECTING_SPACING
-            self.paused, self._load_before = False, before
+            self.paused = False
+            self._load_before = before
         self.remaining_loads = loads
 
     def remove(self, number: float) -> None:
@@ -310,7 +313,8 @@ class Sandbox:
             and self.time.lead >= 0.0
         ):
             return
-        self.paused, self.remaining_loads = not self.paused, []
+        self.paused = not self.paused
+        self.remaining_loads = []
         if not self.paused:
             self._settle()
             self.message = ""
@@ -332,7 +336,8 @@ class Sandbox:
         self.release()
         if self.time.lead > 0.0:
             return True
-        self.paused, self.remaining_loads = True, []
+        self.paused = True
+        self.remaining_loads = []
         return self.time.look_at(t, later)
 
     def _settle(self) -> None:
@@ -387,7 +392,9 @@ class Sandbox:
             self.release()
             self._settle()
             scene: Any = self.scene
-            v, impact, body = self.time.segment.present.v, scene.impact, self.time.body
+            v = self.time.segment.present.v
+            impact = scene.impact
+            body = self.time.body
             disk = v[: body.disk_points]
             disk += (impact.along, -impact.towards) - body.mean(disk)
             self._carry_on(scene, HIT_AGAIN, v)
@@ -401,7 +408,8 @@ class Sandbox:
         had stopped it."""
         status = self.time.segment.status
         self.time.carry_on(scene, label, velocities)
-        self.scene, self.grip = scene, None
+        self.scene = scene
+        self.grip = None
         self.paused = self.paused and status not in ("failed", "finished")
 
     # ---- the mouse
@@ -419,7 +427,8 @@ class Sandbox:
             turn = np.angle(np.exp(1j * (value_of(self.scene, "impact.turn") + angle)))
             self.begin(self.scene.with_({"impact.turn": float(f"{turn:.4f}")}))
         else:
-            now, n = self.time.segment.present, self.time.body.disk_points
+            now = self.time.segment.present
+            n = self.time.body.disk_points
             vectors = now.snapshot.vectors.copy()
             vectors[0, :n] = turned(now.x[:n], angle)
             self.time.display = replace(
@@ -430,16 +439,15 @@ class Sandbox:
         """Draw the throw along (dx, dy) [R] at the start of an impact: AIM_SCALE c for
         each R, never upwards."""
         if self.can_aim:
-            velocity, angle = (
-                max(AIM_SCALE * np.hypot(dx, dy), 1e-3),
-                np.clip(np.arctan2(dx, -dy), -1.5, 1.5),
-            )
+            velocity = max(AIM_SCALE * np.hypot(dx, dy), 1e-3)
+            angle = np.clip(np.arctan2(dx, -dy), -1.5, 1.5)
             self.drawn_throw = float(f"{velocity:.3g}"), float(f"{angle:.3g}")
 
     def throw(self) -> None:
         """Apply the velocity and the angle of the drawn throw to the scene. Raises
         TaichiDiskError."""
-        values, self.drawn_throw = self.drawn_throw, None
+        values = self.drawn_throw
+        self.drawn_throw = None
         for key, value in zip(THROW_KEYS, values or (), strict=False):
             self.set(key, value)
 

@@ -122,7 +122,9 @@ def _names(host: str, listening: socket.socket) -> list[str]:
     families = [socket.AF_INET]
     if listening.family == socket.AF_INET6:
         families.append(socket.AF_INET6)
-    own = [one for family in families for one in _own_addresses(family)]
+    own: list[str] = []
+    for family in families:
+        own += _own_addresses(family)
     return [*map(_bracketed, dict.fromkeys(own)), socket.gethostname()]
 
 

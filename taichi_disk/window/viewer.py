@@ -33,7 +33,8 @@ MAX_RATE = 75  # pictures per second: more are not visible, and cost
 WINDOW_SIZE = (1200, 700)
 PANEL_WIDTH = 300  # width of the widgets [px]
 # delay before a held key repeats, and between repeats [s]
-_REPEAT_DELAY, _REPEAT_INTERVAL = 0.35, 0.07
+_REPEAT_DELAY = 0.35
+_REPEAT_INTERVAL = 0.07
 _SLIDERS = (
     "material.eta_star",
     "material.viscosity",
@@ -85,10 +86,8 @@ class Viewer:
         prepare_output(out)
         self._out = out.resolve()
         self.sandbox = Sandbox(playlist[0].load(), KernelCache())
-        self.controls, self._scales = (
-            Controls(self.sandbox, playlist),
-            Scales(self.sandbox),
-        )
+        self.controls = Controls(self.sandbox, playlist)
+        self._scales = Scales(self.sandbox)
         add = self.controls.add
         add("i u", "closer, farther", self._zoom, 1.12, 1 / 1.12)
         add("BackSpace", "see everything", self.see_all)
@@ -129,27 +128,25 @@ class Viewer:
     # ---- the picture
 
     def _draw(self) -> None:
-        sandbox, state, video = (
-            self.sandbox,
-            self.sandbox.time.display,
-            self.sandbox.scene.video,
-        )
+        sandbox = self.sandbox
+        state = self.sandbox.time.display
+        video = self.sandbox.scene.video
         scenario = state.segment.scenario
-        springs, wall, lattice = (
-            scenario.model.springs,
-            scenario.model.wall,
-            scenario.lattice,
-        )
-        if fresh := self._bonds is not lattice.bonds:
-            self.painter, self._bonds = Painter(lattice, springs, wall), lattice.bonds
+        springs = scenario.model.springs
+        wall = scenario.model.wall
+        lattice = scenario.lattice
+        fresh = self._bonds is not lattice.bonds
+        if fresh:
+            self.painter = Painter(lattice, springs, wall)
+            self._bonds = lattice.bonds
         painter = self.painter
-        painter.springs, painter.wall, painter.spoke = springs, wall, scenario.spoke
+        painter.springs = springs
+        painter.wall = wall
+        painter.spoke = scenario.spoke
         painter.edge = edge_height(wall, scenario.point_force)
-        painter.colour, painter.draw, painter.theme = (
-            video.colour,
-            video.draw,
-            video.theme,
-        )
+        painter.colour = video.colour
+        painter.draw = video.draw
+        painter.theme = video.theme
         painter.magnify = self.controls.value("video.magnify")
         if fresh or self._window.get_window_shape() != (
             self.camera.width,
@@ -162,14 +159,16 @@ class Viewer:
         self._scales.update(
             values, contact_forces(wall, lattice, springs, state.x, state.v)
         )
-        painter.limit, painter.full_force = self._scales.colour, self._scales.force
+        painter.limit = self._scales.colour
+        painter.full_force = self._scales.force
         canvas = self._window.get_canvas()
         is_soft = self._window.is_soft
         painter.paint(canvas, self.camera, state.x, state.v, is_soft=is_soft)
         # (foot, tip) [R] of the drawn throw and of the mouse's pull
         strokes: list[Any] = []
         if sandbox.drawn_throw:
-            (velocity, angle), centre = sandbox.drawn_throw, np.array(self._centre)
+            (velocity, angle) = sandbox.drawn_throw
+            centre = np.array(self._centre)
             strokes.append(
                 (
                     centre,
@@ -187,12 +186,13 @@ class Viewer:
             painter.draw_shape(canvas, shape, self.camera)
 
     def _draw_widgets(self) -> None:
-        sandbox, controls, gui = self.sandbox, self.controls, self._window.get_gui()
-        state, (width, _) = sandbox.time.display, self._window.get_window_shape()
-        entry, quantity = (
-            controls.playlist[controls.number],
-            QUANTITIES[sandbox.scene.video.colour],
-        )
+        sandbox = self.sandbox
+        controls = self.controls
+        gui = self._window.get_gui()
+        state = sandbox.time.display
+        (width, _) = self._window.get_window_shape()
+        entry = controls.playlist[controls.number]
+        quantity = QUANTITIES[sandbox.scene.video.colour]
         with gui.sub_window("taichi-disk", 0.0, 0.0, PANEL_WIDTH / width, 1.0) as panel:
 
             def write(*lines: str) -> None:
@@ -207,7 +207,8 @@ class Viewer:
                 if panel.button(label):
                     controls.press(key)
             for key in [key for key in _SLIDERS if key in controls.ranges]:
-                one, value = controls.ranges[key], float(controls.value(key))
+                one = controls.ranges[key]
+                value = float(controls.value(key))
                 new = panel.slider_float(
                     one.name.split()[-1].translate(_ASCII), value, one.low, one.high
                 )
@@ -252,7 +253,8 @@ class Viewer:
         )
 
     def _see_contact(self) -> None:
-        x, low = self._centre[0], self.painter.edge
+        x = self._centre[0]
+        low = self.painter.edge
         self._see((x - 0.28, x + 0.28, low - 0.12, low + 0.3))
 
     def _see(self, view: tuple[float, float, float, float]) -> None:
@@ -268,7 +270,8 @@ class Viewer:
 
     def _listen(self) -> None:
         """Carry out what the user has done since the last picture."""
-        window, now = self._window, perf_counter()
+        window = self._window
+        now = perf_counter()
         events = window.get_events(ti.ui.PRESS)
         # GGUI updates the mouse when it is asked for events, so its position is read
         # after them.
@@ -297,7 +300,8 @@ class Viewer:
         later a point."""
         if self._at[0] < PANEL_WIDTH:
             return
-        sandbox, (cx, cy) = self.sandbox, self._centre
+        sandbox = self.sandbox
+        (cx, cy) = self._centre
         x0, y0 = self.camera.to_scene(self._at).tolist()
         disk = sandbox.time.display.x[: self.painter.lattice.disk_points]
         is_inside = hypot(x0 - cx, y0 - cy) <= np.hypot(*(disk - (cx, cy)).T).max()
@@ -308,7 +312,8 @@ class Viewer:
             )
 
         def turn(x: float, y: float, is_over: bool) -> None:
-            if angle := atan2(y - cy, x - cx) - atan2(y0 - cy, x0 - cx):
+            angle = atan2(y - cy, x - cx) - atan2(y0 - cy, x0 - cx)
+            if angle:
                 sandbox.turn(angle, is_over)
 
         def aim(x: float, y: float, is_over: bool) -> None:

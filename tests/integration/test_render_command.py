@@ -64,7 +64,8 @@ def test_two_runs_are_shown_side_by_side(runs, tmp_path):
         == 0
     )
     left, right = np.split(np.asarray(Image.open(path)).astype(float), 2, axis=1)
-    assert left.shape == right.shape == (240, 240, 3)
+    # two are 16 : 9
+    assert left.shape == right.shape == (240, 214, 3)
     assert np.abs(left[80:190] - right[80:190]).mean() > 2.0
 
 
