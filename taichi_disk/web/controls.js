@@ -43,7 +43,8 @@ class Slider {
   }
 
   show(spec) {
-    const { key, name, unit, low, high, value, meaning, keys, live } = (this.spec = spec);
+    const { key, name, unit, low, high, value, meaning, keys, live } = spec;
+    this.spec = spec;
     const { range } = this;
     const text = unit ? `${name} [${unit}]` : name;
     const place = low > 0 ? Math.log : Number;

@@ -24,6 +24,23 @@ export function centroid(x, count) {
   return [sum[0] / count, sum[1] / count];
 }
 
+// Return the angle [rad] by which the first `count` points at `from` turn to fit those at `to` best.
+function rotation(from, to, count) {
+  const [fromX, fromY] = centroid(from, count);
+  const [toX, toY] = centroid(to, count);
+  let dot = 0;
+  let cross = 0; // cross / dot is the tangent of the angle
+  for (let i = 0; i < 2 * count; i += 2) {
+    const ax = from[i] - fromX;
+    const ay = from[i + 1] - fromY;
+    const bx = to[i] - toX;
+    const by = to[i + 1] - toY;
+    dot += ax * bx + ay * by;
+    cross += ax * by - ay * bx;
+  }
+  return Math.atan2(cross, dot);
+}
+
 // Return the length of the arrow of a velocity [R], and the speed for which an arrow stands [c].
 export const arrowLength = (speed) => LONGEST_ARROW * Math.min(Math.sqrt(speed / FASTEST), 1);
 export const arrowSpeed = (length) => FASTEST * Math.min(length / LONGEST_ARROW, 1) ** 2;
@@ -57,15 +74,17 @@ export class Drawing {
   // ---- the view: pixels are CSS pixels from the canvas's upper left corner
 
   fit() {
-    const { view, wall } = this.scene,
-      [left, right, , top] = view,
-      margin = 8,
-      isRigid = wall.kind === "rigid";
-    const [bottom, below] = isRigid
-      ? [wall.edge, VISIBLE_WALL * this.options.letters]
-      : [view[2], margin];
-    const width = this.width - 2 * margin,
-      height = this.height - this.footer - margin - below;
+    const { view, wall } = this.scene;
+    const [left, right, lowest, top] = view;
+    const margin = 8;
+    let bottom = lowest;
+    let below = margin;
+    if (wall.kind === "rigid") {
+      bottom = wall.edge;
+      below = VISIBLE_WALL * this.options.letters;
+    }
+    const width = this.width - 2 * margin;
+    const height = this.height - this.footer - margin - below;
     const scale = Math.max(Math.min(width / (right - left), height / (top - bottom)), 1);
     const spare = Math.max(height / scale - (top - bottom), 0); // free height, of which a quarter lies below
     const y = (top + bottom + spare / 2 - (below - margin) / scale) / 2;
@@ -78,8 +97,8 @@ export class Drawing {
   }
 
   zoom(factor, px = this.middle[0], py = this.middle[1]) {
-    const [x, y] = this.toWorld(px, py),
-      { camera } = this;
+    const { camera } = this;
+    const [x, y] = this.toWorld(px, py);
     camera.scale = Math.min(Math.max(camera.scale * factor, 10), 1e5);
     const [newX, newY] = this.toScreen(x, y);
     this.pan(px - newX, py - newY);
@@ -102,14 +121,14 @@ export class Drawing {
   }
 
   toWorld(px, py) {
-    const { x, y, scale } = this.camera,
-      [mx, my] = this.middle;
+    const { x, y, scale } = this.camera;
+    const [mx, my] = this.middle;
     return [x + (px - mx) / scale, y - (py - my) / scale];
   }
 
   toScreen(x, y) {
-    const { camera } = this,
-      [mx, my] = this.middle;
+    const { camera } = this;
+    const [mx, my] = this.middle;
     return [mx + (x - camera.x) * camera.scale, my - (y - camera.y) * camera.scale];
   }
 
@@ -271,8 +290,8 @@ export class Drawing {
 
   // Return what the field draws: triangles, with faint springs on them if these are long enough, or springs, or points.
   marks(ratio) {
-    const apart = this.spacing * this.camera.scale,
-      { draw, quantity } = this.options;
+    const apart = this.spacing * this.camera.scale;
+    const { draw, quantity } = this.options;
     const between = (low, value, high) => Math.min(Math.max(value, low), high);
     if (draw === "springs")
       return [{ mark: 1, radius: 0.5 * ratio * between(1.5, 0.15 * apart, 4) }];
@@ -284,28 +303,18 @@ export class Drawing {
 
   // Return the undeformed disk at the place, height and angle of the disk at `x`. Points of the wall stay.
   unmoved(x) {
-    const { rest, disk_points: count } = this.scene,
-      out = x.slice();
-    const [fromX, fromY] = centroid(rest, count),
-      [toX, toY] = centroid(x, count);
-    let dot = 0,
-      cross = 0; // their ratio is the tangent of the disk's best-fitting rotation
+    const { rest, disk_points: count } = this.scene;
+    const out = x.slice();
+    const [fromX, fromY] = centroid(rest, count);
+    const [toX, toY] = centroid(x, count);
+    const angle = rotation(rest, x, count);
+    const cos = Math.cos(angle);
+    const sin = Math.sin(angle);
+    let lift = -Infinity;
+    let lowest = Infinity;
     for (let i = 0; i < 2 * count; i += 2) {
-      const ax = rest[i] - fromX,
-        ay = rest[i + 1] - fromY,
-        bx = x[i] - toX,
-        by = x[i + 1] - toY;
-      dot += ax * bx + ay * by;
-      cross += ax * by - ay * bx;
-    }
-    const angle = Math.atan2(cross, dot),
-      cos = Math.cos(angle),
-      sin = Math.sin(angle);
-    let lift = -Infinity,
-      lowest = Infinity;
-    for (let i = 0; i < 2 * count; i += 2) {
-      const ax = rest[i] - fromX,
-        ay = rest[i + 1] - fromY;
+      const ax = rest[i] - fromX;
+      const ay = rest[i + 1] - fromY;
       out[i] = toX + cos * ax - sin * ay;
       out[i + 1] = sin * ax + cos * ay;
       lift = Math.max(lift, -out[i + 1]);
@@ -323,18 +332,18 @@ export class Drawing {
 
   // Return the outline of the wall, up to a height above its points [R].
   wallPath(x, height) {
-    const { wall_surface: surface } = this.scene,
-      isRigid = !surface.length,
-      path = new Path2D();
-    const [left, low] = this.toWorld(-this.width, this.height),
-      [right] = this.toWorld(2 * this.width, 0);
-    const chain = isRigid
-      ? [
-          [left, 0],
-          [right, 0],
-        ]
-      : Array.from(surface, (i) => [x[2 * i], x[2 * i + 1]]);
-    const bottom = isRigid ? Math.min(low, 0) - 1 : -1.3 / this.camera.scale;
+    const { wall_surface: surface } = this.scene;
+    const path = new Path2D();
+    let chain = Array.from(surface, (i) => [x[2 * i], x[2 * i + 1]]);
+    let bottom = -1.3 / this.camera.scale;
+    if (!surface.length) {
+      const [left, low] = this.toWorld(-this.width, this.height);
+      const [right] = this.toWorld(2 * this.width, 0);
+      const leftEnd = [left, 0];
+      const rightEnd = [right, 0];
+      chain = [leftEnd, rightEnd];
+      bottom = Math.min(low, 0) - 1;
+    }
     for (const [px, py] of chain) path.lineTo(...this.toScreen(px, py + height));
     for (const [px, py] of chain.reverse()) path.lineTo(...this.toScreen(px, py + bottom));
     return path;
@@ -351,13 +360,16 @@ export class Drawing {
 
   // Draw an arrow for each point on which the wall acts, or for some of the points if they are too close.
   drawForces({ forces, fullForce }, x, theme) {
-    const every = Math.ceil(ARROW_DISTANCE / (this.spacing * this.camera.scale)),
-      length = ARROW / fullForce;
+    const every = Math.ceil(ARROW_DISTANCE / (this.spacing * this.camera.scale));
+    const length = ARROW / fullForce;
     for (let k = 0; k < forces.length; k += 3) {
-      const [i, fx, fy] = forces.subarray(k, k + 3),
-        foot = [x[2 * i], x[2 * i + 1]];
+      const i = forces[k];
+      const fx = forces[k + 1];
+      const fy = forces[k + 2];
       if (i % every || Math.hypot(fx, fy) < 0.02 * fullForce) continue;
-      this.drawArrow(foot, [foot[0] + length * fx, foot[1] + length * fy], theme.arrow, theme, 1.8);
+      const foot = [x[2 * i], x[2 * i + 1]];
+      const tip = [foot[0] + length * fx, foot[1] + length * fy];
+      this.drawArrow(foot, tip, theme.arrow, theme, 1.8);
     }
   }
 

@@ -7,8 +7,8 @@ const REACH = 24; // largest distance from the velocity's tip at which a press g
 
 // `view` has `pan` and `zoom`. `grip` returns what one finger or the main button holds: {move, end}, or nothing.
 export function followPointers(canvas, view, redraw, grip = () => null) {
-  const pointers = new Map(),
-    place = (event) => [event.offsetX, event.offsetY];
+  const pointers = new Map();
+  const place = (event) => [event.offsetX, event.offsetY];
   let held = null;
   const letGo = (cancelled) => {
     held?.end?.(cancelled);
@@ -21,8 +21,8 @@ export function followPointers(canvas, view, redraw, grip = () => null) {
     if (pointers.size === 1 && !event.button && !event.shiftKey) held = grip(...place(event));
   };
   canvas.onpointermove = (event) => {
-    const before = pointers.get(event.pointerId),
-      now = place(event);
+    const before = pointers.get(event.pointerId);
+    const now = place(event);
     if (!before) return;
     pointers.set(event.pointerId, now);
     const other = [...pointers].find(([id]) => id !== event.pointerId)?.[1];
@@ -96,7 +96,8 @@ function turn({ drawing, state, send }, fromX, fromY) {
 
 function pull(sandbox, px, py) {
   const move = (...at) => {
-    const [x, y] = (sandbox.target = sandbox.drawing.toWorld(...at));
+    const [x, y] = sandbox.drawing.toWorld(...at);
+    sandbox.target = [x, y];
     sandbox.send({ do: "pull", x, y });
   };
   const end = () => {

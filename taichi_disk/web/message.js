@@ -1,13 +1,17 @@
 // Unpacks a state, which `Session._state` has packed in Python, for the drawing, the graphs and the read-outs.
 
 export function unpacked(buffer, columns, curves) {
-  const view = new DataView(buffer),
-    word = (at) => view.getUint32(at, true);
-  const points = word(12),
-    forces = word(16),
-    colours = word(24);
+  const view = new DataView(buffer);
+  const word = (place) => view.getUint32(place, true);
+  const points = word(12);
+  const forces = word(16);
+  const colours = word(24);
   let at = 36;
-  const next = (count) => new Float32Array(buffer, (at += 4 * count) - 4 * count, count);
+  const next = (count) => {
+    const floats = new Float32Array(buffer, at, count);
+    at += floats.byteLength;
+    return floats;
+  };
   const row = Object.fromEntries([...next(columns.length)].map((value, k) => [columns[k], value]));
   const graph = next(curves);
   return {

@@ -27,6 +27,7 @@ const OWN_KEYS = [
 const NEWEST = 9e6; // above the number of every state: acknowledges all of them
 const MESSAGE_TIME = 6000; // for which a message is shown [ms]
 const LEGEND_WIDTH = 280; // that its longest name needs [px]
+const READABLE_HEIGHT = 400; // of a picture below which letters must not take more room [px]
 const IDLE_TIME = 3000; // after which the projector's controls fade [ms]
 const DARK = matchMedia("(prefers-color-scheme: dark)");
 
@@ -306,7 +307,9 @@ export class Sandbox {
   // Size of the letters of the picture: up to twice as large for a projector, if the legend has room.
   get letters() {
     if (!this.node.hasAttribute("data-projector")) return 1;
-    return Math.min(Math.max(this.ui.disk.clientWidth / LEGEND_WIDTH, 1), 2);
+    const { clientWidth: width, clientHeight: height } = this.ui.disk;
+    const room = Math.min(width / LEGEND_WIDTH, height / READABLE_HEIGHT);
+    return Math.min(Math.max(room, 1), 2);
   }
 
   // Return the velocity whose arrow is drawn: that of the throw, while it is aimed, or the disk's.

@@ -1034,6 +1034,11 @@ def test_graphs_show_energies_below_0_and_no_noise(
 
 
 LAYOUTS = [(1400, 900), (1024, 768), (768, 1024), (390, 844)]
+# Whether the picture has the size of its place: a busy browser draws it later.
+IS_DRAWN = """
+const { canvas, width, height } = window.sandbox.drawing;
+return canvas.clientWidth === width && canvas.clientHeight === height;
+"""
 
 
 @pytest.mark.validate
@@ -1053,6 +1058,7 @@ def test_every_layout_is_free_of_overlaps_small_letters_and_small_targets(
                     f"document.querySelector('nav [data-tab={tab}]').click()"
                 )
                 time.sleep(0.3)
+                browser.wait(lambda: browser.script(IS_DRAWN))
                 assert browser.script(FAULTS) == [], (theme, size, tab)
     axe = Axe(browser.driver)
     axe.inject()
