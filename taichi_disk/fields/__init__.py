@@ -240,7 +240,8 @@ class Triangles:
         ones = np.ones(3 * t)
         self.carried = csr_array((self.fraction[sides], (owner, sides)), (t, m))
         self._around = csr_array((ones, (self.triangles.ravel(), owner)), (n, t))
-        if len(crossing := np.flatnonzero(count == 0)):
+        crossing = np.flatnonzero(count == 0)
+        if len(crossing):
             point = lattice.bonds[crossing].ravel()
             fraction = 0.5 / self._around.sum(axis=1)[point]
             ends = csr_array((fraction, (point, np.repeat(crossing, 2))), (n, m))

@@ -17,7 +17,11 @@ Picture = NDArray[np.uint8]
 Box = tuple[int, int, int, int]
 
 # Distances are in units of the size of the titles' letters.
-_TOP, _BETWEEN, _BOTTOM, _LEFT, _RIGHT = 2.3, 2.5, 3.7, 2.9, 1.0
+_TOP = 2.3
+_BETWEEN = 2.5
+_BOTTOM = 3.7
+_LEFT = 2.9
+_RIGHT = 1.0
 _TITLE_ABOVE = 0.6  # baseline of a title above its axes
 _TICK_LETTERS = 0.9
 _LINE = 0.15  # width of a curve
@@ -107,7 +111,6 @@ def factored(label: str, largest: float) -> tuple[str, float]:
 def draw_panel(scene: PanelScene, look: PanelLook) -> PanelPictures:
     """Draw the panel of `scene`."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.colors import to_rgb
     from matplotlib.figure import Figure
 
     width, height = look.size
@@ -141,11 +144,15 @@ def draw_panel(scene: PanelScene, look: PanelLook) -> PanelPictures:
         for line in lines:
             line.set_color(look.coming)
         coming = picture()
-    inks = [
-        tuple(round(255 * part) for part in to_rgb(colour_of(curve, look)))
-        for curve in scene.curves
-    ]
+    inks = [_ink(colour_of(curve, look)) for curve in scene.curves]
     return PanelPictures(coming, past, ended, boxes, rows, inks, names)
+
+
+def _ink(colour: str) -> tuple[int, ...]:
+    """Return red, green and blue of a colour of Matplotlib's, from 0 to 255."""
+    from matplotlib.colors import to_rgb
+
+    return tuple(round(255 * part) for part in to_rgb(colour))
 
 
 def colour_of(curve: Curve, look: PanelLook) -> str:
@@ -252,12 +259,14 @@ def _write_names(
         place = _place(rows[k], others, names, (wide, letter), boxes[2])
         if place is None:
             beyond -= wide
-            x, baseline = beyond, top - _TITLE_ABOVE * look.letter
+            x = beyond
+            baseline = top - _TITLE_ABOVE * look.letter
             beyond -= letter
         else:
             x, baseline = place
         text.set_position((x / width, 1.0 - baseline / height))
-        high, low = baseline - 0.85 * letter, baseline + 0.25 * letter
+        high = baseline - 0.85 * letter
+        low = baseline + 0.25 * letter
         names.append((round(x), round(x) + wide, round(high), round(low)))
     return names
 
@@ -281,7 +290,8 @@ def _place(
         above = float(mine.min()) - 0.45 * letter
         below = float(mine.max()) + 1.15 * letter
         for baseline in (above, below):
-            high, low = baseline - 0.85 * letter, baseline + 0.2 * letter
+            high = baseline - 0.85 * letter
+            low = baseline + 0.2 * letter
             if high < top - 0.5 * letter or low > bottom:
                 continue
             distances = [_distance(rows[columns], high, low) for rows in others]

@@ -17,7 +17,8 @@ DIGITS = 8  # printed digits of a result that does not depend on a time step
 UNESTIMATED_DIGITS = 4  # printed digits of a result whose error has not been estimated
 FEW_LATTICES = 5  # fewer do not show well how far their mean is off
 # errors of a mean and scatters are printed as 0.0002 from here on, smaller ones as 2e-5
-PLAIN_ERROR, PLAIN_SCATTER = 1e-4, 1e-3
+PLAIN_ERROR = 1e-4
+PLAIN_SCATTER = 1e-3
 UNESTIMATED = "(error of the time step not estimated)"
 
 

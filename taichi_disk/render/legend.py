@@ -28,8 +28,12 @@ Ink = tuple[int, int, int]
 LEAST = 11.0  # smallest size of letters [px]
 # Sizes [px] in a picture of 720 pixels. Other pictures scale them, but letters not
 # below LEAST.
-MARGIN, _HEADING, _TEXT, _SMALL = 24.0, 26.0, 20.0, 18.0
-BAR_HEIGHT, BAR_BELOW = 16.0, 28.0
+MARGIN = 24.0
+_HEADING = 26.0
+_TEXT = 20.0
+_SMALL = 18.0
+BAR_HEIGHT = 16.0
+BAR_BELOW = 28.0
 _LABELLED = 240  # smallest picture with room for text [px]
 # largest height of a band above the disk over the picture's; lines that do not fit are
 # left out
@@ -106,7 +110,8 @@ class Line:
         """Write the text into `picture` (height, width, 3)."""
         rows, columns = self.pixels
         patch = Image.fromarray(picture[rows, columns])
-        x, baseline = self.x - columns.start, self.baseline - rows.start
+        x = self.x - columns.start
+        baseline = self.baseline - rows.start
         replace(self, x=x, baseline=baseline).draw(ImageDraw.Draw(patch))
         picture[rows, columns] = np.asarray(patch)
 
@@ -188,7 +193,7 @@ class Legend:
 
     def _title_lines(self) -> list[Line]:
         first, *others = self._title
-        parts = [part for line in others for part in line.split("    ")]
+        parts = "    ".join(others).split("    ")
         if self.is_band:
             parts = ["    ".join([*parts, *self.painter.remarks])]
         elif self.painter.has_elastic_wall:

@@ -22,8 +22,11 @@ Run = Outcome
 MOMENTS = {"greatest": "greatest compression", "contact": "first contact", "end": ""}
 # fractions of a film: still pictures at the start, at the greatest compression and at
 # the end; the flights before and after the contact. The rest shows the contact.
-_START, _PAUSE, _END = 0.035, 0.05, 0.15
-_FLIGHT_IN, _FLIGHT_OUT = 0.07, 0.08
+_START = 0.035
+_PAUSE = 0.05
+_END = 0.15
+_FLIGHT_IN = 0.07
+_FLIGHT_OUT = 0.08
 _AROUND_CONTACT = 0.06  # shown in slow motion, too; over the duration of the contact
 # fraction of a flight's pictures in which the pace changes
 _CHANGE = 0.35
@@ -120,7 +123,8 @@ def film_times(
         )
     ]
     contact = np.arange(1, slow) * pace + first
-    before, after = first - flights[0][::-1], second + flights[1]
+    before = first - flights[0][::-1]
+    after = second + flights[1]
     known = np.concatenate([before, contact, after])
     # Short flights leave pictures to the contact.
     places = np.linspace(0.0, len(known) - 1.0, pictures)
@@ -211,7 +215,8 @@ def _held(
     start, pause, end = holds
     greatest = int(np.abs(times - peak).argmin())
     if pause and greatest == len(times) - 1:
-        pause, end = 0, pause + end
+        end += pause
+        pause = 0
     elif pause and greatest > 0:
         times[greatest] = peak
     moving = [Cue(t, pace=pace) for t, pace in zip(times.tolist(), paces, strict=True)]

@@ -24,17 +24,20 @@ get_field_info = import_module(f"{ti.__name__}.ui.utils").get_field_info
 VERTEX = 12
 # Sizes are [px] in a picture of 720 pixels.
 # half the width of a spring on the field, and the smallest one
-_SPRING, _MIN_SPRING = 0.65, 0.55
+_SPRING = 0.65
+_MIN_SPRING = 0.55
 _OUTLINE = 1.9  # half the width of an outline
 _FORCE_ARROW = ArrowStyle(shaft=4.5, head=8.0, rim=1.6, fade=1.0)
 _VELOCITY_ARROW = ArrowStyle(shaft=13.0, head=25.0, rim=3.0, fade=1.0)
 _DOT = 9.0  # radius of the dot at the foot of the velocity's arrow
 _NEXT = 20.0  # distance of two force arrows
 # springs on the field fade in between these distances of points
-_FINE, _COARSE = 5.0, 14.0
+_FINE = 5.0
+_COARSE = 14.0
 # forces and velocities below these fractions of `full_force` and `full_speed` have no
 # arrow
-_WEAK, _SLOW = 0.1, 0.02
+_WEAK = 0.1
+_SLOW = 0.02
 _SEEN = 0.25  # largest opacity of springs on the field
 # approximate number of small triangles into which a coarse lattice is divided for
 # fringes
@@ -336,7 +339,8 @@ class Painter:
         strong = np.hypot(*forces.T) > _WEAK
         if not strong.any():
             return forces[:0], forces[:0]
-        feet, forces = placed[points[strong]], forces[strong]
+        feet = placed[points[strong]]
+        forces = forces[strong]
         chain = np.zeros((1, 2))
         if self.has_elastic_wall:
             chain = placed[self.lattice.wall_surface]

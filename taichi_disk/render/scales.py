@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -86,7 +87,7 @@ class Scales:
         self._first_pace = max(
             (text_width(one, self._small) for one in first), default=0.0
         )
-        second = [line for lines in paces for line in lines[1:]]
+        second = list(chain.from_iterable(lines[1:] for lines in paces))
         self._second_pace = max(
             (text_width(one, self._small) for one in second), default=0.0
         )

@@ -26,7 +26,8 @@ from taichi_disk.render.palette import THEMES
 from taichi_disk.render.recording import Flight, Recording
 
 _SPRING_WIDTH = 0.04  # in units of the median rest length
-_MAX_SPRING_WIDTH, _OUTLINE_WIDTH = 0.6, 0.9  # [points]
+_MAX_SPRING_WIDTH = 0.6  # [points]
+_OUTLINE_WIDTH = 0.9  # [points]
 _SPRING_OPACITY = 0.25
 
 

@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import re
 from base64 import b64encode
+from collections.abc import Sequence
 from importlib.resources import files
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -18,7 +20,7 @@ from numpy.typing import NDArray
 
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.config.sections import VideoSection
-from taichi_disk.fields import QUANTITIES, Triangles, at_points, own_values
+from taichi_disk.fields import QUANTITIES, Quantity, Triangles, at_points, own_values
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.render.geometry import edge_height
 from taichi_disk.render.palette import THEMES, Theme, colour_map, map_kind
@@ -82,7 +84,7 @@ def scene_message(
         "quantities": [
             {
                 "name": name,
-                "label": one.label + " (averaged)" * (one.on != "points"),
+                "label": _label(one),
                 "unit": one.unit,
                 "signed": one.signed,
                 "low": one.low,
@@ -91,16 +93,27 @@ def scene_message(
             }
             for name, one in QUANTITIES.items()
         ],
-        "maps": {
-            f"{theme} {kind}{' bare' * bare}": encoded(
-                np.rint(255.0 * colour_map(theme, kind, bare)[::2]), np.uint8
-            )
-            for theme in THEMES
-            for kind in {map_kind(name) for name in QUANTITIES}
-            for bare in (False, True)
-        },
+        "maps": _maps(),
         "themes": {name: _colours(theme) for name, theme in THEMES.items()},
     }
+
+
+def _label(quantity: Quantity) -> str:
+    if quantity.on == "points":
+        return quantity.label
+    return f"{quantity.label} (averaged)"
+
+
+def _maps() -> dict[str, str]:
+    """Return each theme's colour maps, 128 colours in RGB, by theme and kind; "bare"
+    for a disk without springs."""
+    maps = {}
+    kinds = {map_kind(name) for name in QUANTITIES}
+    for theme, kind in product(THEMES, kinds):
+        for bare, ending in ((False, ""), (True, " bare")):
+            colours = np.rint(255.0 * colour_map(theme, kind, bare)[::2])
+            maps[f"{theme} {kind}{ending}"] = encoded(colours, np.uint8)
+    return maps
 
 
 def _wall(lattice: Lattice, wall: Any, force: float) -> dict[str, Any]:
@@ -112,11 +125,13 @@ def _wall(lattice: Lattice, wall: Any, force: float) -> dict[str, Any]:
 
 def _colours(theme: Theme) -> dict[str, str]:
     names = ("ground", "ink", "faint", "wall", "arrow", "rule")
-    parts = {
-        name: ", ".join(str(round(255 * part)) for part in getattr(theme, name))
-        for name in names
-    }
-    return {name: f"rgb({part})" for name, part in parts.items()} | {"accent": _ACCENT}
+    colours = {name: _css(getattr(theme, name)) for name in names}
+    return colours | {"accent": _ACCENT}
+
+
+def _css(colour: Sequence[float]) -> str:
+    parts = [str(round(255 * part)) for part in colour]
+    return f"rgb({', '.join(parts)})"
 
 
 def encoded(values: Any, kind: Any) -> str:

@@ -15,7 +15,8 @@ from taichi_disk.scenes import Scene
 from taichi_disk.window.sandbox import Sandbox, load_key, value_of
 
 # by which keys change a value, and the number of points
-FACTORS, POINT_FACTORS = (1.12, 1 / 1.12), (1 / 1.5, 1.5)
+FACTORS = (1.12, 1 / 1.12)
+POINT_FACTORS = (1 / 1.5, 1.5)
 # keys that repeat while held
 REPEATING_KEYS = ("Left", "Right", "Up", "Down", "e", "d", "a", "z", "s", "m", "i", "u")
 # smallest value above 0 that keys set
@@ -23,9 +24,11 @@ MIN_VISCOSITY = {"material.eta_star": 0.1, "material.viscosity": 1e-4}
 # largest number that can be typed; larger disks take minutes to build
 MAX_POINTS = 20_000
 MAX_VELOCITY = 1.0  # largest speed of a throw that can be typed [c]
-MIN_SPEED, MAX_SPEED = 0.01, 100.0  # [R/c per s]
+MIN_SPEED = 0.01  # [R/c per s]
+MAX_SPEED = 100.0  # [R/c per s]
 # experiments of a collected curve, and their largest load over the least
-CURVE_POINTS, CURVE_RATIO = 8, 30.0
+CURVE_POINTS = 8
+CURVE_RATIO = 30.0
 
 
 class Range(NamedTuple):
@@ -244,20 +247,16 @@ class Controls:
     def ranges(self) -> dict[str, Range]:
         """The numbers of the present scene by their keys; a value outside its range
         widens the range."""
-        keys = [
-            key
-            for key in RANGES
-            if not key.startswith("material.") or key == self.dashpot_key
-        ]
-        values = {key: value for key in keys if (value := self.value(key)) is not None}
-        return {
-            key: (
-                (one := RANGES[key])._replace(
-                    low=min(one.low, value), high=max(one.high, value)
-                )
-            )
-            for key, value in values.items()
-        }
+        ranges = {}
+        for key, usual in RANGES.items():
+            if key.startswith("material.") and key != self.dashpot_key:
+                continue
+            value = self.value(key)
+            if value is not None:
+                low = min(usual.low, value)
+                high = max(usual.high, value)
+                ranges[key] = usual._replace(low=low, high=high)
+        return ranges
 
     def value(self, key: str) -> Any:
         """Return the value of "speed" or of a dotted key of the scene, or None if the
@@ -299,10 +298,14 @@ class Controls:
 
     def _scale(self, key: str, factor: float) -> None:
         """Multiply the value of `key` by `factor`, clipped to its slider range."""
-        one, value = self.ranges[key], self.value(key)
-        new = float(f"{min(max(value * factor, RANGES[key].low), one.high):.3g}")
-        if new < MIN_VISCOSITY.get(key, 0.0):
-            new = MIN_VISCOSITY[key] if factor > 1.0 else 0.0
+        scaled = self.value(key) * factor
+        clipped = min(max(scaled, RANGES[key].low), self.ranges[key].high)
+        new = float(f"{clipped:.3g}")
+        least = MIN_VISCOSITY.get(key, 0.0)
+        if new < least and factor > 1.0:
+            new = least
+        elif new < least:
+            new = 0.0
         self.set(key, new)
 
     def _next(self, key: str) -> None:
@@ -316,7 +319,8 @@ class Controls:
     def play(self, number: float) -> None:
         """Begin the scene `number` modulo the playlist's length; keep the drawing
         options. Raises TaichiDiskError."""
-        sandbox, number = self.sandbox, int(number) % len(self.playlist)
+        sandbox = self.sandbox
+        number = int(number) % len(self.playlist)
         scene = self.playlist[number].load()
         # On an elastic wall displacements may not be magnified.
         sandbox.begin(

@@ -45,30 +45,22 @@ class Graphs:
     def message(self) -> dict[str, Any]:
         """Return times since the hit began [R/c] and the values of CURVES, at most
         MAX_CURVE_POINTS of each."""
-        body, segments = self._sandbox.time.body, self._sandbox.time.hit_segments
-        self._inertia, self._scenario = body.inertia, segments[0].scenario
-        began, parts = segments[0].hit_began, []
-        for k, segment in enumerate(segments):
-            self._lost_before = float(
-                sum(one.row[_LOSSES].sum() for one in segments[:k])
-            )
-            times = (
-                np.append(
-                    segment.began + np.arange(segment.count) * segment.interval,
-                    segment.now,
-                )
-                - began
-            )
-            parts.append(
-                np.column_stack(
-                    [times, self.values(np.vstack([segment.rows, segment.row]))]
-                )
-            )
+        segments = self._sandbox.time.hit_segments
+        self._inertia = self._sandbox.time.body.inertia
+        self._scenario = segments[0].scenario
+        began = segments[0].hit_began
+        parts = []
+        lost = 0.0
+        for segment in segments:
+            self._lost_before = lost
+            stored = segment.began + np.arange(segment.count) * segment.interval
+            times = np.append(stored, segment.now) - began
+            rows = np.vstack([segment.rows, segment.row])
+            parts.append(np.column_stack([times, self.values(rows)]))
+            lost += float(segment.row[_LOSSES].sum())
         known = np.concatenate(parts)
         chosen = np.unique(np.linspace(0, len(known) - 1, MAX_CURVE_POINTS).astype(int))
-        t, *values = [
-            [float(f"{value:.5g}") for value in curve] for curve in known[chosen].T
-        ]
+        t, *values = [_five_digits(curve) for curve in known[chosen].T]
         return {
             "t": t,
             "values": values,
@@ -81,20 +73,14 @@ class Graphs:
         force [M c^2/R], velocity or ξ."""
         columns = split(dict(zip(INDEX, rows.T, strict=True)), self._inertia)
         lost = rows[:, _LOSSES].sum(axis=1) + self._lost_before
-        stored, motion = (
-            columns["elastic"] + columns["wall"],
-            self._scenario.momentary_motion(columns),
-        )
-        return np.stack(
-            [
-                *(columns[name] for name in of_kind("part")),
-                stored,
-                lost,
-                columns["wall_force"],
-                motion,
-            ],
-            1,
-        )
+        stored = columns["elastic"] + columns["wall"]
+        motion = self._scenario.momentary_motion(columns)
+        parts = [columns[name] for name in of_kind("part")]
+        return np.stack([*parts, stored, lost, columns["wall_force"], motion], axis=1)
+
+
+def _five_digits(curve: Array) -> list[float]:
+    return [float(f"{value:.5g}") for value in curve]
 
 
 # Full colour of an impact, for each c of its speed. Measured in the shipped impacts

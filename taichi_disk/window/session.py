@@ -34,7 +34,8 @@ from taichi_disk.window.graphs import CURVES, Graphs, Scales
 from taichi_disk.window.look import Look
 from taichi_disk.window.sandbox import Sandbox, load_key, printed, value_of
 
-MAX_BYTES, MAX_NUMBER = 2**10, 1e7  # limits of a page's message and of a number in it
+MAX_BYTES = 2**10  # limit of a page's message
+MAX_NUMBER = 1e7  # limit of a number in it
 # most commands between two pictures, without those that a later one replaces
 _MAX_PENDING = 64
 # A page's commands and their values, by the part of `Session` that has a method of the
