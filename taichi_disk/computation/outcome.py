@@ -159,7 +159,8 @@ def _described(
             inverted = inverted_triangles(scenario.lattice, compressed.positions)
     elif second or small:
         errors, inverted = second or second_run(driver)
-    if errors.get(primary, 0.0) > SUSPICIOUS_ERROR * abs(value):
+    is_uncertain = errors.get(primary, 0.0) > SUSPICIOUS_ERROR * abs(value)
+    if is_uncertain and scenario.step_dependent:
         warnings.append(uncertain(primary, value, errors[primary]))
     summary = summary_of(scenario, columns, warnings, inverted) | {
         "steps": end.step,

@@ -25,6 +25,8 @@ MAX_EXTENT = 4.0
 MAX_OFFSET = 0.1  # largest distance of the points' mean from x = 0 [R]
 # points closer than this are the same point [spacing of a hexagonal lattice]
 _MIN_DISTANCE = 1e-6
+# height over longest side of a user's triangle that cannot be told from a line
+_ROUNDING = 1e-14
 # minimum, maximum, largest ratio; beyond these, steps or sums are not finite
 MASSES = 1e-150, 1e150, 1e15
 STIFFNESS = (1e-12, 1e12)
@@ -94,7 +96,7 @@ def checked_triangles(
         raise InputError("there are no triangles")
     clockwise = double_area(x[corners]) < 0.0
     corners[clockwise] = corners[clockwise, ::-1]
-    for k in np.flatnonzero(is_flat(x, corners)):
+    for k in np.flatnonzero(is_flat(x, corners, _ROUNDING)):
         raise InputError(
             f"{_shown_triangle(corners, k)}, is flat: its corners lie on one line"
         )

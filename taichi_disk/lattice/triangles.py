@@ -42,13 +42,15 @@ def delaunay(points: Array) -> Long:
     return triangles[~is_flat(points, triangles)]
 
 
-def is_flat(x: Array, triangles: Long) -> NDArray[np.bool_]:
+def is_flat(
+    x: Array, triangles: Long, min_height: float = _MIN_HEIGHT
+) -> NDArray[np.bool_]:
     """Return whether the corners of each of the counter-clockwise `triangles` (t, 3)
-    lie on one line."""
+    lie on one line: within `min_height` of the longest side."""
     corner = x[triangles]
     sides = corner - np.roll(corner, 1, axis=1)
     longest = np.max(np.sum(sides**2, axis=2), axis=1)
-    return double_area(corner) <= _MIN_HEIGHT * longest
+    return double_area(corner) <= min_height * longest
 
 
 def centred(x: Array) -> Array:
