@@ -84,12 +84,13 @@ def _exit(number: int, frame: FrameType | None) -> None:
 
 @contextmanager
 def ignored_by_children() -> Iterator[None]:
-    """Start processes that ignore Ctrl-C while the block runs, so that only the parent
-    handles it."""
+    """Start processes that ignore SIGINT and SIGTERM while the block runs, so that only
+    the parent handles signals to the whole group."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    both = {signal.SIGINT, signal.SIGTERM}
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, both)
     try:
         yield
     finally:

@@ -7,13 +7,12 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import asdict, dataclass
 from numbers import Integral
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
-from uuid import uuid4
 
 from filelock import FileLock, Timeout
 
@@ -214,8 +213,9 @@ def run_sweep(
     if missing and scheduler is not None:
         cluster = Cluster(scheduler, say)
     prepare_output(out / "points")
-    with _claimed(out / "points", sweep):
+    with ExitStack() as stack:
         if part is None:
+            stack.enter_context(_only_writer(out))
             _begin_table(out, sweep, say)
         for key in results:
             _write_scene(out, key, scenes[key])
@@ -345,32 +345,26 @@ def _as_yaml(row: Row) -> Row:
 
 
 @contextmanager
-def _claimed(folder: Path, sweep: Sweep) -> Iterator[None]:
-    """Let only this sweep, or parts of it in other processes, write points to `folder`
-    while the block runs."""
-    # Each process locks a hidden file whose name contains the hash of the sweep. The
-    # system releases the lock of a killed process. Raises InputError if another sweep
-    # holds a lock.
-    name = _digest(sweep.to_yaml())[:20]
-    own_lock = FileLock(folder / f".{name}.{uuid4().hex}.lock")
-    with FileLock(folder / ".lock"):
-        for other in folder.glob(".*.lock"):
-            try:
-                with FileLock(other, timeout=0):
-                    pass
-                remove(other)
-            except Timeout:
-                if not other.name.startswith(f".{name}."):
-                    text = f"{folder.parent}: another sweep is writing to this folder"
-                    raise InputError(
-                        f"{text}: wait until it ends, or choose another folder"
-                    ) from None
-        own_lock.acquire()
+def _only_writer(out: Path) -> Iterator[None]:
+    """Let no other sweep write a table into `out` while the block runs. Raises
+    InputError if one does.
+
+    Parts need no lock, because they write points only: each is written at once, under
+    a hash of its scene.
+    """
+    # The system releases the lock of a killed process.
+    lock = FileLock(out / "points" / ".lock", timeout=0)
+    try:
+        lock.acquire()
+    except Timeout:
+        raise InputError(
+            f"{out}: another sweep is writing to this folder: wait until it ends, or"
+            " choose another folder"
+        ) from None
     try:
         yield
     finally:
-        own_lock.release()
-        remove(Path(own_lock.lock_file))
+        lock.release()
 
 
 def _counted(result: SweepResult) -> str:

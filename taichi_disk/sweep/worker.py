@@ -11,6 +11,7 @@ import pickle
 import signal
 import sys
 import threading
+import warnings
 from importlib import import_module
 from pathlib import Path
 from queue import SimpleQueue
@@ -22,6 +23,7 @@ def main() -> None:
     last None. Write for each call a pair, its value and its error, one of which is
     None."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the sweep handles it
+    warnings.simplefilter("ignore")  # as `cli.main` does
     results = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     # what libraries print must not come between the results
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -172,8 +172,9 @@ def test_a_second_ctrl_c_ends_the_building_of_a_large_lattice_at_once(tmp_path, 
     assert process.wait(60) == INTERRUPTED and time.monotonic() - began < 2.0
 
 
-def test_processes_of_a_sweep_ignore_ctrl_c_and_their_parent_receives_it():
-    code = "import os, signal; os.kill(os.getpid(), signal.SIGINT); print('alive')"
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_processes_of_a_sweep_ignore_signals_that_their_parent_receives(number):
+    code = f"import os; os.kill(os.getpid(), {int(number)}); print('alive')"
 
     def start():
         with ignored_by_children():
@@ -184,8 +185,14 @@ def test_processes_of_a_sweep_ignore_ctrl_c_and_their_parent_receives_it():
     with ThreadPoolExecutor(1) as thread:
         for child in (start(), thread.submit(start).result()):
             assert (child.stdout, child.stderr) == ("alive\n", "")
-    with pytest.raises(KeyboardInterrupt), ignored_by_children():
-        signal.raise_signal(signal.SIGINT)
+    received = []
+    before = signal.signal(number, lambda number, frame: received.append(number))
+    try:
+        with ignored_by_children():
+            signal.raise_signal(number)
+    finally:
+        signal.signal(number, before)
+    assert received == [number]
 
 
 def test_a_second_signal_ends_a_command_at_once_but_two_together_are_one():

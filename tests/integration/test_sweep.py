@@ -418,32 +418,31 @@ def test_a_sweep_over_steps_has_columns_for_the_asked_and_the_used_step(
     assert rows[0]["dt_taken"] != rows[1]["dt_taken"] == 0.0015
 
 
-def test_another_sweep_into_a_folder_in_use_is_refused_and_a_part_of_the_same_is_not(
+def test_a_second_table_in_a_folder_in_use_is_refused_and_parts_are_not(
     tmp_path: Path,
 ) -> None:
-    one, other = (
-        ONE + f"sweep: {{velocity: {speeds}}}" for speeds in ("[0.01, 0.02]", "[0.03]")
-    )
-    out, refused, parts = tmp_path / "out", list[str](), list[SweepResult]()
+    one = ONE + "sweep: {velocity: [0.01, 0.02]}"
+    other = ONE + "sweep: {velocity: [0.03]}"
+    out = tmp_path / "out"
     (out / "points").mkdir(parents=True)
-    # left by a killed process
-    (out / "points" / ".00000000000000000000.0.lock").touch()
+    (out / "points" / ".lock").touch()  # left by a killed process
+    refused: list[str] = []
 
     def meanwhile(stage: str, done: float, total: float | None) -> None:
-        for part in (None, "1/1"):
-            with pytest.raises(
-                InputError, match="another sweep is writing to this folder"
-            ) as refusal:
-                swept(other, out, part=part)
+        for scenes in (one, other):
+            with pytest.raises(InputError, match="another sweep is writing") as refusal:
+                swept(scenes, out)
             refused.append(str(refusal.value))
-        parts.append(swept(one, out, part="1/2"))
+        swept(one, out, part="1/2")
+        swept(other, out, part="1/1")
 
-    swept(one, out, progress=meanwhile)
-    assert len(parts) == 3 and all(
-        "--" not in text and str(out) in text for text in refused
-    )
+    result = swept(one, out, progress=meanwhile)
+    assert len(refused) == 6
+    assert all("--" not in text and str(out) in text for text in refused)
+    assert (out / "scene.yaml").read_text() == result.sweep.to_yaml()
+    assert len(table(out).splitlines()) == 3
     assert [path.name for path in (out / "points").glob(".*")] == [".lock"]
-    assert swept(other, out).summary["computed_now"] == 1
+    assert swept(other, out).summary["computed_now"] == 0
 
 
 def test_a_stored_result_is_used_only_for_its_own_point(

@@ -134,9 +134,11 @@ def test_a_killed_sweep_goes_on_where_it_was(
     assert (out / "points.csv").read_bytes() == expected
 
 
+# a terminal interrupts the whole group; `timeout` and batch systems terminate it
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("after", [0.0, 0.5])
 def test_an_interrupted_sweep_ends_at_once_and_says_so(
-    scene: Path, tmp_path: Path, after: float
+    scene: Path, tmp_path: Path, after: float, number: signal.Signals
 ) -> None:
     out = tmp_path / "out"
     # each scene takes minutes
@@ -151,7 +153,7 @@ def test_an_interrupted_sweep_ends_at_once_and_says_so(
     time.sleep(after)
     computing = workers(process)
     began = time.monotonic()
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+    os.killpg(process.pid, number)
     assert process.wait(PATIENCE) == 130
     assert time.monotonic() - began < 10.0
     assert not any(Path(f"/proc/{pid}").exists() for pid in computing)

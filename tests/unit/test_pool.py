@@ -6,6 +6,7 @@ import os
 import sys
 import tempfile
 import time
+import warnings
 from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor
 from importlib.util import find_spec
@@ -78,6 +79,15 @@ def test_values_and_errors_come_back_whatever_a_call_prints(pool: Pool) -> None:
     with pytest.raises(RuntimeError, match="a reason"):
         pool.submit(exec, cannot_be_pickled).result()
     assert pool.submit(len, b"x" * 1_000_000).result() == 1_000_000
+
+
+def test_warnings_of_libraries_are_no_errors_in_a_process(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("PYTHONWARNINGS", "error")
+    pool = Pool(1)
+    assert pool.submit(warnings.warn, "for developers").result() is None
+    pool.shutdown()
 
 
 def test_a_dead_process_breaks_the_pool(pool: Pool) -> None:
