@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -39,8 +40,27 @@ def raise_if_interrupted() -> None:
 def listen() -> None:
     """Let SIGINT and SIGTERM set the flag, and a second signal end the process."""
     handler = _flagging(_exit)
+    # Python calls handlers between two of its instructions, and SciPy meshes a large
+    # lattice in one. A thread is told of signals meanwhile.
+    receiver, sender = socket.socketpair()
+    sender.setblocking(False)
+    signal.set_wakeup_fd(sender.detach(), warn_on_full_buffer=False)
+    threading.Thread(target=_watch, args=(receiver,), daemon=True).start()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, handler)
+
+
+def _watch(receiver: socket.socket) -> None:
+    """End the process at the second signal."""
+    first = inf
+    while True:
+        number = receiver.recv(1)[0]
+        if number not in (signal.SIGINT, signal.SIGTERM):
+            continue
+        if first == inf:
+            first = monotonic()
+        elif monotonic() > first + REPEAT_TIME:
+            _exit(number, None)
 
 
 @contextmanager

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 NAME = next((name for name in ("taichi", "taichi_forge") if find_spec(name)), "taichi")
 PACKAGE = NAME.replace("_", "-")
-PATCHED = "taichi"  # engine to which `patches` apply
+PATCHED = "taichi"  # engine to which `patches` and our shaders apply
 
 
 def __getattr__(name: str) -> Any:

@@ -104,6 +104,7 @@ def film(
     check_target(path)
     check_runs(runs, labels)
     require_film()
+    carried = film_origin(runs, video)
     flights = [Flight.of(run, video.flight) for run in runs]
     if path.suffix == ".png":
         shots = [still_cue(runs[0], span)]
@@ -135,7 +136,6 @@ def film(
         states = [Recording(one, times, [video.colour]) for one in flights]
         with closing(make(states)) as pictures:
             size = pictures.width, video.size
-            carried = film_origin(runs, video)
             with encoded(new, path.suffix, size, video.fps, carried) as append:
                 _film(states, shots, pictures, append, progress)
 

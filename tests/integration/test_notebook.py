@@ -195,7 +195,7 @@ def test_the_widget_s_module_shows_the_sandbox_in_a_browser(tmp_path: Path) -> N
                 )
             )
             inside = "document.getElementById('cell').shadowRoot.getElementById"
-            assert browser.script(f"return {inside}('drop').textContent") == "Drop"
+            assert browser.script(f"return {inside}('drop').textContent") == "Throw"
             browser.script(f"{inside}('drop').click()")
             assert (
                 browser.script("return window.said.at(-1).key") == "space"
