@@ -58,7 +58,9 @@ def fork(tmp_path_factory):
 
 @pytest.mark.validate
 @pytest.mark.parametrize("scene", SCENES)
-def test_the_fork_computes_and_films_bitwise_the_same(fork, scene, tmp_path):
+def test_the_fork_computes_bitwise_the_same_and_films_with_hard_lines(
+    fork, scene, tmp_path
+):
     outputs = []
     for name, python in (("taichi", sys.executable), ("taichi-forge", fork)):
         out = str(tmp_path / name)
@@ -85,11 +87,12 @@ def test_the_fork_computes_and_films_bitwise_the_same(fork, scene, tmp_path):
             in json.loads((tmp_path / name / "summary.json").read_text())["versions"]
         )
     assert outputs[0] == outputs[1]
-    for file in (
-        "final.npz",
-        "timeseries.csv",
-        *["video.mp4"] * (scene == "exponential_wall"),
-    ):
-        assert (tmp_path / "taichi" / file).read_bytes() == (
-            tmp_path / "taichi-forge" / file
-        ).read_bytes(), file
+    for file in ("final.npz", "timeseries.csv"):
+        computed = (tmp_path / "taichi" / file).read_bytes()
+        assert computed == (tmp_path / "taichi-forge" / file).read_bytes(), file
+    if scene == "exponential_wall":
+        # The fork's window keeps its own shaders, which draw springs as hard lines.
+        film = (tmp_path / "taichi" / "video.mp4").stat().st_size
+        assert (
+            film < (tmp_path / "taichi-forge" / "video.mp4").stat().st_size < 9 * film
+        )
