@@ -45,7 +45,7 @@ FEW_FRACTIONS = FRACTIONS[:3]  # of methods of order 4
 RTOLS = {
     "DOP853": (1e-2, 1e-3, 1e-4, 1e-6, 1e-9),
     "Radau": (1e-5,),
-    "BDF": (1e-5, 1e-7),
+    "BDF": (1e-6, 1e-7),
 }
 VERLET, IMADA, TRAPEZOIDAL = "velocity_verlet", "takahashi_imada", "trapezoidal"
 NAMES = {
