@@ -19,6 +19,7 @@ from taichi_disk.simulation.simulation import KernelCache, Simulation
 from .hard_cases import Verdict, judge
 
 BOUNDARIES = ("reset", "pinned", "dashpot")
+CONTACTS = ("springs", "smooth")
 # Few and small lattices, which many scenes share: points, seed, rim, min_spacing;
 # points and width of the wall
 WILD_LATTICES = (
@@ -28,7 +29,8 @@ WILD_LATTICES = (
     (20, 4, False, 0.0, 60, 3.0),
     (50, 5, True, 0.4, 80, 2.5),
 )
-TRIAL_POINTS, SHARES = (30, 60, 100, 200, 400), (0.35, 0.35, 0.2, 0.07, 0.03)
+TRIAL_POINTS = (30, 60, 100, 200, 400)
+SHARES = (0.35, 0.35, 0.2, 0.07, 0.03)  # how often each is drawn
 # rim, min_spacing; the default is more frequent
 TRIAL_LATTICES = (
     (True, 0.7),
@@ -56,6 +58,27 @@ class Draw:
     def one_of(self, choices: Any) -> Any:
         return choices[self.rng.integers(len(choices))]
 
+    def chance(self, probability: float) -> bool:
+        return bool(self.rng.random() < probability)
+
+    def maybe(self, probability: float, low: float, high: float) -> float:
+        """Return 0, or with `probability` a number as `between` does."""
+        if self.chance(probability):
+            return self.between(low, high)
+        return 0.0
+
+    def unless(
+        self, probability: float, usual: float, low: float, high: float
+    ) -> float:
+        """Return `usual` with `probability`, otherwise a number as `between` does."""
+        if self.chance(probability):
+            return usual
+        return self.between(low, high)
+
+    def spin(self) -> float:
+        """Return a spin of 0.01 to 0.3 of either sign [c/R]."""
+        return self.between(0.01, 0.3) * self.one_of((-1.0, 1.0))
+
 
 def wild_scene(number: int) -> tuple[str, tuple[str, ...]]:
     """Return name and settings of a scene that may use every key of a scene file.
@@ -64,48 +87,45 @@ def wild_scene(number: int) -> tuple[str, tuple[str, ...]]:
     their strength, four of speed.
     """
     draw = Draw(20, number)
-    rng, between = draw.rng, draw.between
+    rng = draw.rng
     points, seed, rim, spacing, wall_points, width = draw.one_of(WILD_LATTICES)
     kind = draw.one_of(("exponential_wall", "absorbing_wall", "compression"))
-    eta_star = between(0.1, 1e4) if rng.random() < 0.6 else 0.0
-    a, V0 = between(1.0, 1e5), between(1e-6, 1e6)
+    eta_star = draw.maybe(0.6, 0.1, 1e4)
+    a = draw.between(1.0, 1e5)
+    V0 = draw.between(1e-6, 1e6)
     settings = [
-        *(
-            f"lattice.points={points}",
-            f"lattice.seed={seed}",
-            f"lattice.rim={str(rim).lower()}",
-        ),
-        *(
-            f"lattice.min_spacing={spacing}",
-            f"material.k_a={between(1e-3, 1e3)}",
-            f"material.eta_star={eta_star}",
-        ),
-        f"material.k_b={between(1e-6, 1e3) if rng.random() < 0.5 else 0.0}",
-        *(f"wall.a={a}", f"wall.V0={V0}", f"time.safety={rng.uniform(0.05, 1.0):.3f}"),
+        f"lattice.points={points}",
+        f"lattice.seed={seed}",
+        f"lattice.rim={str(rim).lower()}",
+        f"lattice.min_spacing={spacing}",
+        f"material.k_a={draw.between(1e-3, 1e3)}",
+        f"material.eta_star={eta_star}",
+        f"material.k_b={draw.maybe(0.5, 1e-6, 1e3)}",
+        f"wall.a={a}",
+        f"wall.V0={V0}",
+        f"time.safety={rng.uniform(0.05, 1.0):.3f}",
     ]
     if kind == "compression":
         settings += [
-            *(
-                f"compression.pressure={between(1e-5, 10.0)}",
-                f"compression.tolerance={between(1e-7, 1e-3)}",
-            ),
+            f"compression.pressure={draw.between(1e-5, 10.0)}",
+            f"compression.tolerance={draw.between(1e-7, 1e-3)}",
             f"compression.method={draw.one_of(('newton', 'relaxation'))}",
         ]
     else:
-        v = between(1e-3, 10.0)
+        v = draw.between(1e-3, 10.0)
         settings.append(f"impact.velocity={v}")
     if kind == "absorbing_wall":
+        # `reach` as in `reach_of`, but at least 0.1 / a
         reach = max(math.log(V0) - math.log(5e-6) - 2.0 * math.log(v), 0.1) / a
         settings += [
-            *(
-                f"wall.points={wall_points}",
-                f"wall.width={width}",
-                f"wall.reset_interval={between(1e-3, 1.0)}",
-            ),
+            f"wall.points={wall_points}",
+            f"wall.width={width}",
+            f"wall.reset_interval={draw.between(1e-3, 1.0)}",
             f"wall.threshold={min(max(reach * rng.uniform(1.01, 4.0), 1e-3), 1e3):.4g}",
             f"wall.boundary={draw.one_of(BOUNDARIES)}",
         ]
-    if kind == "exponential_wall" and eta_star == 0.0 and rng.random() < 0.3:
+    undamped = kind == "exponential_wall" and eta_star == 0.0
+    if undamped and rng.random() < 0.3:
         settings.append("time.integrator=vefrl")
     return kind, tuple(settings)
 
@@ -119,46 +139,42 @@ def trial_scene(number: int) -> tuple[str, tuple[str, ...], float]:
     boundaries of the elastic wall.
     """
     draw = Draw(33, number)
-    rng, between = draw.rng, draw.between
-    name = str(
-        rng.choice(
-            ["exponential_wall", "absorbing_wall", "compression"], p=[0.5, 0.35, 0.15]
-        )
-    )
+    rng = draw.rng
+    kinds = ["exponential_wall", "absorbing_wall", "compression"]
+    name = str(rng.choice(kinds, p=[0.5, 0.35, 0.15]))
     points = int(rng.choice(TRIAL_POINTS, p=SHARES))
     rim, spacing = draw.one_of(TRIAL_LATTICES)
     boundary = draw.one_of(BOUNDARIES)
-    eta_star = 0.0 if rng.random() < 0.4 else between(0.1, 100.0)
-    a, v = between(30.0, 3000.0), between(2e-3, 0.2)
-    k_a = 1.0 if rng.random() < 0.7 else between(0.01, 10.0)
+    eta_star = draw.unless(0.4, 0.0, 0.1, 100.0)
+    a = draw.between(30.0, 3000.0)
+    v = draw.between(2e-3, 0.2)
+    k_a = draw.unless(0.7, 1.0, 0.01, 10.0)
     settings = [
-        *(f"lattice.points={points}", f"lattice.seed={rng.integers(10000)}"),
-        *(
-            f"lattice.rim={str(rim).lower()}",
-            f"lattice.min_spacing={spacing}",
-            f"material.k_a={k_a}",
-        ),
-        *(f"wall.a={a}", f"wall.V0={0.5 * a}"),
+        f"lattice.points={points}",
+        f"lattice.seed={rng.integers(10000)}",
+        f"lattice.rim={str(rim).lower()}",
+        f"lattice.min_spacing={spacing}",
+        f"material.k_a={k_a}",
+        f"wall.a={a}",
+        f"wall.V0={0.5 * a}",
     ]
-    tolerance = float(f"{between(1e-8, 1e-3):.2g}")
+    tolerance = float(f"{draw.between(1e-8, 1e-3):.2g}")
     if name == "compression":
-        pressure = float(f"{k_a * between(1e-3, 3e-2):.4g}")
+        pressure = k_a * draw.between(1e-3, 3e-2)
         settings += [
-            f"material.eta_star={between(20.0, 100.0)}",
-            f"compression.pressure={pressure}",
+            f"material.eta_star={draw.between(20.0, 100.0)}",
+            f"compression.pressure={pressure:.4g}",
         ]
         return name, tuple(settings), tolerance
     settings += [f"material.eta_star={eta_star}", f"impact.velocity={v}"]
     if name == "absorbing_wall":
-        reach = (math.log(0.5 * a) - math.log(5e-6) - 2.0 * math.log(v)) / a
+        threshold = max(reach_of(a, v) * rng.uniform(1.01, 3.0), 1e-3)
         settings += [
-            *(
-                f"wall.points={round(1.2 * points)}",
-                "wall.width=3.0",
-                f"wall.boundary={boundary}",
-            ),
-            f"wall.threshold={max(reach * rng.uniform(1.01, 3.0), 1e-3):.4g}",
-            f"wall.reset_interval={between(0.03, 0.3)}",
+            f"wall.points={round(1.2 * points)}",
+            "wall.width=3.0",
+            f"wall.boundary={boundary}",
+            f"wall.threshold={threshold:.4g}",
+            f"wall.reset_interval={draw.between(0.03, 0.3)}",
         ]
     return name, tuple(settings), tolerance
 
@@ -172,43 +188,34 @@ def hard_scene(number: int) -> tuple[str, tuple[str, ...], float]:
     contacts.
     """
     draw = Draw(34, number)
-    rng, between = draw.rng, draw.between
+    rng = draw.rng
     name = draw.one_of(("exponential_wall", "absorbing_wall"))
-    points, a, v = (
-        draw.one_of((25, 40, 60, 100)),
-        between(30.0, 1000.0),
-        between(0.01, 0.2),
-    )
-    eta_star = 0.0 if rng.random() < 0.25 else between(1.0, 2000.0)
-    spin = 0.0 if rng.random() < 0.33 else between(0.01, 0.3) * draw.one_of((-1.0, 1.0))
+    points = draw.one_of((25, 40, 60, 100))
+    a = draw.between(30.0, 1000.0)
+    v = draw.between(0.01, 0.2)
+    eta_star = draw.unless(0.25, 0.0, 1.0, 2000.0)
+    spin = 0.0
+    if not draw.chance(0.33):
+        spin = draw.spin()
     settings = [
-        *(
-            f"lattice.points={points}",
-            f"lattice.seed={rng.integers(10000)}",
-            f"material.eta_star={eta_star}",
-        ),
-        *(
-            f"wall.a={a}",
-            f"wall.V0={0.5 * a}",
-            f"impact.velocity={v}",
-            f"impact.spin={spin}",
-        ),
+        f"lattice.points={points}",
+        f"lattice.seed={rng.integers(10000)}",
+        f"material.eta_star={eta_star}",
+        f"wall.a={a}",
+        f"wall.V0={0.5 * a}",
+        f"impact.velocity={v}",
+        f"impact.spin={spin}",
     ]
     if name == "absorbing_wall":
-        reach = (math.log(0.5 * a) - math.log(5e-6) - 2.0 * math.log(v)) / a
         settings += [
-            *(
-                f"wall.points={points + 20}",
-                "wall.width=3.0",
-                f"wall.boundary={draw.one_of(BOUNDARIES)}",
-            ),
-            *(
-                f"wall.threshold={max(1.5 * reach, 1e-3):.4g}",
-                f"wall.reset_interval={between(0.03, 0.3)}",
-            ),
-            f"wall.contact={draw.one_of(('springs', 'smooth'))}",
+            f"wall.points={points + 20}",
+            "wall.width=3.0",
+            f"wall.boundary={draw.one_of(BOUNDARIES)}",
+            f"wall.threshold={max(1.5 * reach_of(a, v), 1e-3):.4g}",
+            f"wall.reset_interval={draw.between(0.03, 0.3)}",
+            f"wall.contact={draw.one_of(CONTACTS)}",
         ]
-    return name, tuple(settings), between(1e-3, 3e-2) if rng.random() < 0.33 else 0.0
+    return name, tuple(settings), draw.maybe(0.33, 1e-3, 3e-2)
 
 
 def feature_scene(number: int) -> tuple[str, tuple[str, ...], float]:
@@ -221,93 +228,124 @@ def feature_scene(number: int) -> tuple[str, tuple[str, ...], float]:
     ratio of height to width, with unequal masses and springs (`custom_body`).
     """
     draw = Draw(35, number)
-    rng, between = draw.rng, draw.between
-    chance = lambda part: bool(rng.random() < part)  # noqa: E731
-    rigid = chance(0.65)
-    name = "exponential_wall" if rigid else "absorbing_wall"
+    rng = draw.rng
+    is_rigid = draw.chance(0.65)
     body = draw.one_of(("plain", "plain", "hole", "core", "custom"))
-    points = max(
-        int(rng.choice(TRIAL_POINTS, p=SHARES)), 100 if body in ("hole", "core") else 0
-    )
-    a, v = between(30.0, 3000.0), between(5e-3, 0.2)
-    angle = (
-        float(f"{rng.uniform(-1.3, 1.3) if rigid else rng.uniform(-0.6, 0.6):.4f}")
-        if chance(0.6)
-        else 0.0
-    )
-    spin = between(0.01, 0.3) * draw.one_of((-1.0, 1.0)) if chance(0.4) else 0.0
+    points = int(rng.choice(TRIAL_POINTS, p=SHARES))
+    if body in ("hole", "core"):
+        points = max(points, 100)
+    a = draw.between(30.0, 3000.0)
+    v = draw.between(5e-3, 0.2)
+    angle = 0.0
+    if draw.chance(0.6):
+        steepest = 1.3 if is_rigid else 0.6
+        angle = float(f"{rng.uniform(-steepest, steepest):.4f}")
+    spin = 0.0
+    if draw.chance(0.4):
+        spin = draw.spin()
     settings = [
-        *(
-            f"lattice.points={points}",
-            f"lattice.seed={rng.integers(10000)}",
-            f"impact.velocity={v}",
-        ),
-        *(
-            f"wall.a={a}",
-            f"wall.V0={0.5 * a}",
-            f"impact.angle={angle}",
-            f"impact.spin={spin}",
-        ),
+        f"lattice.points={points}",
+        f"lattice.seed={rng.integers(10000)}",
+        f"impact.velocity={v}",
+        f"wall.a={a}",
+        f"wall.V0={0.5 * a}",
+        f"impact.angle={angle}",
+        f"impact.spin={spin}",
         f"impact.turn={rng.uniform(-3.14, 3.14):.4f}",
     ]
-    eta = 0.0 if chance(0.4) else between(0.1, 100.0)
-    settings.append(
-        f"material.viscosity={eta / points:.4g}"
-        if chance(0.5)
-        else f"material.eta_star={eta}"
-    )
-    axial = eta > 0.0 and chance(0.4)
-    settings += ["material.dashpot=axial"] * axial
+    eta_star = draw.unless(0.4, 0.0, 0.1, 100.0)
+    if draw.chance(0.5):
+        settings.append(f"material.viscosity={eta_star / points:.4g}")
+    else:
+        settings.append(f"material.eta_star={eta_star}")
+    if eta_star > 0.0 and draw.chance(0.4):
+        settings.append("material.dashpot=axial")
     if body == "hole":
         settings.append(f"lattice.hole={rng.uniform(0.3, 0.4):.3f}")
     if body == "core":
         settings += [
             f"lattice.core_radius={rng.uniform(0.4, 0.6):.3f}",
-            f"lattice.core_stiffness={between(0.3, 4.0)}",
+            f"lattice.core_stiffness={draw.between(0.3, 4.0)}",
+            f"lattice.core_density={draw.between(0.3, 4.0)}",
         ]
-        settings.append(f"lattice.core_density={between(0.3, 4.0)}")
-    if rigid:
-        settings.append(f"wall.friction={between(0.05, 5.0) if chance(0.6) else 0.0}")
+    if is_rigid:
+        name = "exponential_wall"
+        settings.append(f"wall.friction={draw.maybe(0.6, 0.05, 5.0)}")
     else:
-        reach = (math.log(0.5 * a) - math.log(5e-6) - 2.0 * math.log(v)) / a
+        name = "absorbing_wall"
         settings += [
-            *(
-                f"wall.points={3 * points}",
-                "wall.width=8.0",
-                f"wall.boundary={draw.one_of(BOUNDARIES)}",
-            ),
-            *(
-                f"wall.threshold={max(1.5 * reach, 1e-3):.4g}",
-                f"wall.reset_interval={between(0.03, 0.3)}",
-            ),
-            *(
-                f"wall.contact={draw.one_of(('springs', 'smooth'))}",
-                f"wall.k_a={between(0.5, 20.0)}",
-            ),
+            f"wall.points={3 * points}",
+            "wall.width=8.0",
+            f"wall.boundary={draw.one_of(BOUNDARIES)}",
+            f"wall.threshold={max(1.5 * reach_of(a, v), 1e-3):.4g}",
+            f"wall.reset_interval={draw.between(0.03, 0.3)}",
+            f"wall.contact={draw.one_of(CONTACTS)}",
+            f"wall.k_a={draw.between(0.5, 20.0)}",
         ]
-    return (
-        name,
-        tuple(settings),
-        float(rng.uniform(0.5, 1.0)) if body == "custom" else 0.0,
-    )
+    aspect = 0.0
+    if body == "custom":
+        aspect = float(rng.uniform(0.5, 1.0))
+    return name, tuple(settings), aspect
+
+
+def chaotic_scene(number: int) -> tuple[str, tuple[str, ...], float]:
+    """Return name and settings of an impact whose e depends on the last digits of its
+    start in many cases, and an aspect of 0.
+
+    N 25 to 60 on a hard, soft-springed elastic wall with resets, v 0.1 to 0.2, no
+    dashpots.
+    """
+    draw = Draw(37, number)
+    rng = draw.rng
+    points = int(rng.integers(25, 60))
+    a = draw.between(1000.0, 3000.0)
+    v = draw.between(0.1, 0.2)
+    settings = [
+        f"lattice.points={points}",
+        f"lattice.seed={rng.integers(1000000)}",
+        "material.eta_star=0",
+        f"impact.velocity={v}",
+        f"impact.spin={draw.spin()}",
+        f"impact.offset={rng.uniform(0.0, 0.03):.4f}",
+        f"wall.a={a}",
+        f"wall.V0={0.5 * a}",
+        f"wall.points={2 * points}",
+        "wall.width=3.6",
+        "wall.boundary=reset",
+        f"wall.threshold={max(1.5 * reach_of(a, v), 0.1):.4g}",
+        f"wall.reset_interval={draw.between(0.005, 0.02)}",
+        "wall.contact=smooth",
+        f"wall.k_a={draw.between(0.2, 0.5)}",
+    ]
+    return "absorbing_wall", tuple(settings), 0.0
+
+
+def reach_of(a: float, v: float) -> float:
+    """Return the height [R] at which the potential of a wall with V0 = a / 2 is 1e-5 of
+    the kinetic energy at the speed v."""
+    return (math.log(0.5 * a) - math.log(5e-6) - 2.0 * math.log(v)) / a
 
 
 def custom_body(disk: Lattice, aspect: float, seed: int) -> Lattice:
     """Return an ellipse made of a disk's lattice, with masses and springs unequal by up
     to a factor of 2."""
-    rng, n = np.random.default_rng([36, seed]), disk.disk_points
-    x, inside = disk.positions.copy(), (disk.bonds < n).all(axis=1)
-    x[:n, 1] *= aspect
-    masses, stiffness = (
-        disk.masses.copy(),
-        np.where(inside, rng.uniform(0.7, 1.4, len(disk.bonds)), 1.0),
-    )
+    rng = np.random.default_rng([36, seed])
+    n = disk.disk_points
+    positions = disk.positions.copy()
+    positions[:n, 1] *= aspect
+    is_inside = (disk.bonds < n).all(axis=1)
+    stiffness = np.where(is_inside, rng.uniform(0.7, 1.4, len(disk.bonds)), 1.0)
+    masses = disk.masses.copy()
     masses[:n] *= rng.uniform(0.7, 1.4, n)
     masses[:n] /= masses[:n].sum()
     i, j = disk.bonds.T
-    lengths = np.where(inside, np.hypot(*(x[i] - x[j]).T), disk.rest_lengths)
+    lengths = np.hypot(*(positions[i] - positions[j]).T)
     return replace(
-        disk, positions=x, masses=masses, stiffness=stiffness, rest_lengths=lengths
+        disk,
+        positions=positions,
+        masses=masses,
+        stiffness=stiffness,
+        rest_lengths=np.where(is_inside, lengths, disk.rest_lengths),
     )
 
 
