@@ -59,15 +59,22 @@ def main() -> None:
     parser.add_argument(
         "--figure", type=Path, metavar="PNG", help="where `precision` draws its diagram"
     )
+    parser.add_argument(
+        "--lattices",
+        type=int,
+        default=precision.LATTICES,
+        help="of `precision` (default: %(default)s)",
+    )
     given = parser.parse_args()
-    if unknown := set(given.parts) - set(PARTS):
+    unknown = set(given.parts) - set(PARTS)
+    if unknown:
         parser.error(
             f"no part {', '.join(sorted(unknown))}: choose from {', '.join(PARTS)}"
         )
     summary = {"processor": processor(), "cores": os.cpu_count(), **versions()}
-    load = (
-        f", load average {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
-    )
+    load = ""
+    if hasattr(os, "getloadavg"):
+        load = f", load average {os.getloadavg()[0]:.1f}"
     print(", ".join(f"{name} {value}" for name, value in summary.items()) + load)
     print(
         f"Runs take turns, {given.repeats} times; ratio: median over the turns, to the"
@@ -75,7 +82,9 @@ def main() -> None:
     )
     runtime.start(threads=1)
     for part in given.parts or [name for name in PARTS if name != "sweep"]:
-        more = {"figure": given.figure} if part == "precision" else {}
+        more = {}
+        if part == "precision":
+            more = {"figure": given.figure, "lattices": given.lattices}
         for line in PARTS[part][0](given.repeats, tuple(given.set), **more):
             print(line, flush=True)
         print()

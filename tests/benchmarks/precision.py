@@ -36,7 +36,6 @@ SKY = "#56B4E9"
 
 SPEEDS = (0.01, 0.02, 0.05)  # [c]
 LATTICES = 8
-LARGE = 5_000  # points, from which one lattice is computed
 START_POTENTIAL = 1e-10  # over the kinetic energy
 # The true flight starts and ends where the potential is smaller by this factor.
 FARTHER = 1e2
@@ -89,10 +88,13 @@ class Measured:
 
 
 def precision(
-    repeats: int, settings: tuple[str, ...], figure: Path | None = None
+    repeats: int,
+    settings: tuple[str, ...],
+    figure: Path | None = None,
+    lattices: int = LATTICES,
 ) -> Iterator[str]:
     """Yield a Markdown table, and draw it as a diagram into the file `figure`."""
-    impacts = sample(settings)
+    impacts = sample(settings, lattices)
     truths = [truth(impact) for impact in impacts]
     yield (
         f"{len(impacts)} impacts: v = {', '.join(map(str, SPEEDS))} c,"
@@ -127,12 +129,10 @@ def precision(
 # ---- the impacts
 
 
-def sample(settings: tuple[str, ...]) -> list[dict[str, Any]]:
+def sample(settings: tuple[str, ...], lattices: int) -> list[dict[str, Any]]:
     """Return the impacts, as `peers.read` expects them; those of the first lattice are
     timed."""
     found = []
-    points = load_scene(RIGID, settings).lattice.points
-    lattices = LATTICES if points <= LARGE else 1
     for seed in range(lattices):
         for speed in SPEEDS:
             own = [f"lattice.seed={seed}", f"impact.velocity={speed}"]

@@ -29,8 +29,9 @@ def test_every_program_finds_the_same_restitution(
     damping: str, programs: set[str], tmp_path: Path
 ) -> None:
     figure = tmp_path / "precision.png"
-    tiny = ("--set=lattice.points=60", f"--set=material.eta_star={damping}")
-    printed = benchmarks("precision", "--repeats=1", *tiny, f"--figure={figure}")
+    tiny = ("--lattices=1", "--repeats=1", "--set=lattice.points=60")
+    damped = f"--set=material.eta_star={damping}"
+    printed = benchmarks("precision", *tiny, damped, f"--figure={figure}")
     rows = [
         [cell.strip() for cell in line.split("|")[1:-1]]
         for line in printed.splitlines()
