@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
 from html import unescape
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from mkdocs.structure.files import File, Files
 
@@ -51,6 +53,33 @@ PYTHON = {
 }
 
 
+def on_config(config: Any) -> Any:
+    """Link the site to the forge from which the repository was cloned, if any."""
+    call = ["git", "-C", str(ROOT), "remote", "get-url", "origin"]
+    try:
+        origin = subprocess.run(call, capture_output=True, text=True).stdout
+    except FileNotFoundError:  # without git
+        origin = ""
+    # The theme's own link, `repo_url`, would fetch the number of stars from the forge.
+    repository = web_address(origin.strip())
+    if repository:
+        config.extra["repository"] = repository
+        link = {"icon": "fontawesome/brands/git-alt", "link": repository}
+        config.extra["social"] = [{**link, "name": "the repository"}]
+    return config
+
+
+def web_address(remote: str) -> str | None:
+    """Return the page of a repository, without a name or password in its address, or
+    None if it has no page."""
+    # git@forge.org:owner/name.git is short for ssh://git@forge.org/owner/name.git
+    short = re.fullmatch(r"[\w.-]+@([\w.-]+):(.+)", remote)
+    address = urlsplit(f"ssh://{short[1]}/{short[2]}" if short else remote)
+    if address.scheme not in ("http", "https", "ssh") or not address.hostname:
+        return None
+    return f"https://{address.hostname}{address.path.rstrip('/').removesuffix('.git')}"
+
+
 def on_files(files: Files, config: Any) -> Files:
     pages = {
         "index.md": (ROOT / "README.md").read_text(encoding="utf-8"),
@@ -73,7 +102,7 @@ def on_files(files: Files, config: Any) -> Files:
     return files
 
 
-def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
+def on_page_markdown(markdown: str, page: Any, config: Any, **_: Any) -> str:
     """Return the Markdown of a page with links as the site needs them."""
     # their links are made for the site
     if page.file.src_uri.startswith(("notebooks/", "reference/")):
@@ -93,13 +122,30 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
         f'<iframe style="{style}" title="\\1" src="{folder}\\2"'
         ' loading="lazy"></iframe>'
     )
-    text = re.sub(
-        r"^\[(Play with [^]]+)\]\((films/\w+\.html)\)$", frame, text, flags=re.MULTILINE
+    film = re.compile(
+        r"^\[(Play with [^]]+)\]\((films/\w+\.html)\)$", flags=re.MULTILINE
     )
-    # a folder has no page
-    return re.sub(
-        r"\[`?([^]\n`]*)`?\]\((?:scenes|examples|experiments|data)\)", r"`\1`", text
-    )
+    if page.file.src_uri == "index.md":  # one film of an impact is enough there
+        text = re.sub(
+            rf"^!\[[^]]*\]\([^)]*\)\n\n(?={film.pattern})", "", text, flags=re.M
+        )
+    text = film.sub(frame, text)
+    return with_repository(text, config.extra.get("repository"))
+
+
+def with_repository(text: str, repository: str | None) -> str:
+    """Return the Markdown of a page with links to the repository. Without a repository,
+    the name of a folder is no link, because a folder has no page on the site."""
+    folder = re.compile(r"\[`?([^]\n`]*)`?\]\((scenes|examples|experiments|data)\)")
+    if repository is None:
+        return folder.sub(r"`\1`", text)
+
+    def link(found: re.Match[str]) -> str:
+        path = found[2] if found[2] == "scenes" else f"docs/{found[2]}"
+        return f"[`{found[1]}`]({repository}/tree/HEAD/{path})"
+
+    text = folder.sub(link, text)
+    return text.replace(" this repository", f" [this repository]({repository})")
 
 
 def on_page_content(html: str, **_: Any) -> str:

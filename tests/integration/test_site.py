@@ -72,6 +72,32 @@ def test_the_reference_has_a_page_that_leads_to_every_reference(site: Any) -> No
     )
 
 
+@pytest.mark.parametrize(
+    ("remote", "page"),
+    [
+        ("git@forge.org:group/disk.git", "https://forge.org/group/disk"),
+        ("https://name:word@forge.org/disk.git", "https://forge.org/disk"),
+        ("ssh://git@forge.org:22/disk/", "https://forge.org/disk"),
+        ("/home/me/disk", None),
+        ("C:\\disk", None),
+        ("", None),
+    ],
+)
+def test_the_site_leads_to_the_page_of_its_repository(
+    site: Any, remote: str, page: str | None
+) -> None:
+    assert site.web_address(remote) == page
+
+
+def test_folders_are_links_if_the_repository_has_a_page(site: Any) -> None:
+    text = "in a clone of this repository, [scenes/](scenes), [CSV files](data)"
+    assert site.with_repository(text, None).endswith("`scenes/`, `CSV files`")
+    linked = site.with_repository(text, "https://forge.org/disk")
+    assert "[this repository](https://forge.org/disk)" in linked
+    assert "[`scenes/`](https://forge.org/disk/tree/HEAD/scenes)" in linked
+    assert "[`CSV files`](https://forge.org/disk/tree/HEAD/docs/data)" in linked
+
+
 @pytest.mark.validate
 def test_the_site_is_built_fetches_nothing_and_finds_what_a_reader_looks_for(
     tmp_path: Path,
