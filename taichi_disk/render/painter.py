@@ -429,12 +429,12 @@ def subdivision(parts: int) -> tuple[Array, NDArray[np.int32]]:
     Points are weights (q, 3) of the corners, triangles are indices (parts^2, 3) of
     points.
     """
-    places = [(m, n) for m in range(parts + 1) for n in range(parts + 1 - m)]
-    number = {place: k for k, place in enumerate(places)}
-    upright = [[(m, n), (m + 1, n), (m, n + 1)] for m, n in places if m + n < parts]
-    turned = [
-        [(m + 1, n), (m + 1, n + 1), (m, n + 1)] for m, n in places if m + n < parts - 1
-    ]
-    u, w = np.array(places, dtype=float).T / parts
-    corners = [[number[place] for place in triangle] for triangle in upright + turned]
-    return np.column_stack([1.0 - u - w, u, w]), np.array(corners, dtype=np.int32)
+    edge = parts + 1
+    number = np.arange(edge**2)
+    m, n = np.divmod(number, edge)
+    upright = number[m + n < parts, None] + [0, edge, 1]
+    turned = number[m + n < parts - 1, None] + [edge, edge + 1, 1]
+    triangles = np.concatenate([upright, turned])
+    used, corners = np.unique(triangles, return_inverse=True)
+    weights = np.stack([parts - m - n, m, n], axis=1)[used] / parts
+    return weights, corners.reshape(triangles.shape).astype(np.int32)
