@@ -62,31 +62,42 @@ class Camera:
         """Return the camera that shows `view` (xmin, xmax, ymin, ymax) [R] as large as
         possible in `viewport`."""
         xmin, xmax, ymin, ymax = view
-        left, right, top, bottom = viewport = viewport or (
-            0.0,
-            float(width),
-            0.0,
-            float(height),
-        )
-        room = right - left - 2.0 * margin, bottom - top - 2.0 * margin
-        scale = max(min(room[0] / (xmax - xmin), room[1] / (ymax - ymin)), 1e-3)
-        middle = (left + right) / 2.0, (top + bottom) / 2.0
+        viewport = viewport or (0.0, float(width), 0.0, float(height))
+        left, right, top, bottom = viewport
+        across = (right - left - 2.0 * margin) / (xmax - xmin)
+        upwards = (bottom - top - 2.0 * margin) / (ymax - ymin)
         return cls(
-            width,
-            height,
-            scale,
-            ((xmin + xmax) / 2.0, (ymin + ymax) / 2.0),
-            middle,
-            viewport,
+            width=width,
+            height=height,
+            scale=max(min(across, upwards), 1e-3),
+            look_at=(0.5 * (xmin + xmax), 0.5 * (ymin + ymax)),
+            middle=(0.5 * (left + right), 0.5 * (top + bottom)),
+            viewport=viewport,
         )
 
     def to_scene(self, pixels: ArrayLike) -> Array:
         """Convert (column, row) (..., 2) [px] to points of the scene [R]; pixel k
         covers k to k + 1."""
-        offset = (np.asarray(pixels, dtype=np.float64) - self.middle) / self.scale
-        return np.stack(
-            [self.look_at[0] + offset[..., 0], self.look_at[1] - offset[..., 1]],
-            axis=-1,
+        offset = (np.asarray(pixels) - self.middle) / self.scale
+        return self.look_at + offset * [1.0, -1.0]
+
+    def to_pixels(self, points: ArrayLike) -> Array:
+        """Convert points (..., 2) of the scene [R] to (column, row) [px]."""
+        offset = (np.asarray(points) - self.look_at) * self.scale
+        return self.middle + offset * [1.0, -1.0]
+
+    def cropped(self, rows: slice, columns: slice, factor: float) -> Camera:
+        """Return the camera of a part of the canvas, magnified by `factor`."""
+        width = round(factor * (columns.stop - columns.start))
+        height = round(factor * (rows.stop - rows.start))
+        column, row = self.middle
+        return Camera(
+            width=width,
+            height=height,
+            scale=factor * self.scale,
+            look_at=self.look_at,
+            middle=(factor * (column - columns.start), factor * (row - rows.start)),
+            viewport=(0.0, float(width), 0.0, float(height)),
         )
 
     def zoomed(self, factor: float, at: tuple[float, float]) -> Camera:

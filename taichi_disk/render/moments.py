@@ -39,13 +39,11 @@ _NEAR_PEAK = 0.01  # relative distance of times that count as the same moment
 
 @dataclass(frozen=True)
 class Cue:
-    """A picture: its time [R/c], a remark, the pace of the film in words, and whether
-    the result is shown."""
+    """A picture: its time [R/c], a remark, and the pace of the film in words."""
 
     t: float
     note: str = ""
     pace: tuple[str, ...] = ()
-    has_result: bool = False
 
 
 @dataclass(frozen=True)
@@ -221,13 +219,13 @@ def _held(
         times[greatest] = peak
     moving = [Cue(t, pace=pace) for t, pace in zip(times.tolist(), paces, strict=True)]
     still = Cue(float(times[greatest]), MOMENTS["greatest"])
-    result = Cue(float(times[-1]), has_result=True)
+    last = Cue(float(times[-1]))
     return [
         *(start * moving[:1]),
         *moving[: greatest + 1],
         *(pause * [still]),
         *moving[greatest + 1 :],
-        *(end * [result]),
+        *(end * [last]),
     ]
 
 
@@ -247,7 +245,7 @@ def _pace_words(run: Run, times: Array, fps: int) -> list[tuple[str, ...]]:
 
 def still_cue(run: Run, span: Span) -> Cue:
     t = time_of(span.at, run.columns)
-    return Cue(t, MOMENTS.get(str(span.at), ""), has_result=span.at == "end")
+    return Cue(t, MOMENTS.get(str(span.at), ""))
 
 
 def captions(run: Run, cues: Sequence[Cue]) -> Iterator[Caption]:
@@ -260,6 +258,9 @@ def captions(run: Run, cues: Sequence[Cue]) -> Iterator[Caption]:
     }
     rows["t"] = np.array(times)
     result, _ = run.scenario.marks(columns)
+    result_time = float(columns["t"][-1])
+    if run.scenario.is_thrown:
+        _, result_time = contact_of(run)
     for k, cue in enumerate(cues):
         row = {name: float(values[k]) for name, values in rows.items()}
         time, *others = run.scenario.caption(row)
@@ -271,7 +272,7 @@ def captions(run: Run, cues: Sequence[Cue]) -> Iterator[Caption]:
             motion=others[0] if others else "",
             others=tuple(others[1:]),
             note=note,
-            result=result if cue.has_result else "",
+            result=result if cue.t >= result_time else "",
             pace=cue.pace,
         )
 
