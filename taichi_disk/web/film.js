@@ -1,7 +1,7 @@
 // Plays the states that `taichi_disk/web/film.py` packed into this document.
 
 import { Controls } from "./controls.js";
-import { Drawing, bytes, centroid, decoded } from "./draw.js";
+import { Drawing, bytes, decoded } from "./draw.js";
 import { followPointers } from "./gestures.js";
 import { checked, element, elements } from "./html.js";
 import { arrow, line } from "./legend.js";
@@ -16,9 +16,9 @@ const NARROW = matchMedia("(max-width: 599px)"); // compared disks stand one abo
 class Recording {
   constructor(run, data) {
     const array = (name, Kind) => new Kind(data, ...run.arrays[name]);
-    const { points, disk_points } = run.scene;
+    const { points } = run.scene;
     this.run = run;
-    for (const name of ["motion", "forces", "centres", "velocities"]) {
+    for (const name of ["forces", "centres", "velocities"]) {
       this[name] = array(name, Float32Array);
     }
     // Numbers are differences from the state before; all low bytes of displacements come before
@@ -37,20 +37,21 @@ class Recording {
       this.codes[name] = codes;
     }
     this.rest = decoded(run.scene.rest, Float32Array);
-    this.centre = centroid(this.rest, disk_points);
     this.x = new Float32Array(2 * points);
     this.values = new Float32Array(points);
   }
 
   // Return the state at a place in the list of states; between two states it is interpolated.
   state(place, quantity) {
-    const { run, x } = this;
+    const { run, rest, displacements, x } = this;
     const k = Math.min(Math.floor(place), run.states - 1);
     const next = Math.min(k + 1, run.states - 1);
     const part = place - k;
     const mixed = (array, width, i) =>
       (1 - part) * array[k * width + i] + part * array[next * width + i];
-    this.move(mixed);
+    for (let i = 0; i < x.length; i++) {
+      x[i] = rest[i] + run.unit * mixed(displacements, x.length, i);
+    }
     this.colour(mixed, quantity);
     const now = [0, 1].map((i) => mixed(this.centres, 2, i));
     const past = (_, n) => this.centres.subarray(2 * n, 2 * n + 2);
@@ -65,26 +66,6 @@ class Recording {
       row: { com_x: now[0], com_y: now[1] },
       velocity: [0, 1].map((i) => mixed(this.velocities, 2, i) / (run.full_speed || 1)),
     };
-  }
-
-  // Set the positions `x`.
-  move(mixed) {
-    const { run, rest, centre, displacements, x } = this;
-    const { points, disk_points } = run.scene;
-    const cx = mixed(this.motion, 3, 0);
-    const cy = mixed(this.motion, 3, 1);
-    const angle = mixed(this.motion, 3, 2);
-    const cos = Math.cos(angle);
-    const sin = Math.sin(angle);
-    for (let i = 0; i < 2 * points; i++) {
-      x[i] = rest[i] + run.unit * mixed(displacements, 2 * points, i);
-    }
-    for (let i = 0; i < 2 * disk_points; i += 2) {
-      const dx = x[i] - centre[0];
-      const dy = x[i + 1] - centre[1];
-      x[i] = cx + cos * dx - sin * dy;
-      x[i + 1] = cy + sin * dx + cos * dy;
-    }
   }
 
   // Set the values of the coloured quantity.
