@@ -158,17 +158,18 @@ def _film(
     moments: Iterator[tuple[State, ...]]
     moments = zip(*(one.moments() for one in states), strict=True)
     words = zip(*(captions(one.run, shots) for one in states), strict=True)
-    last: tuple[float, tuple[Caption, ...]] | None = None
-    finish: Callable[[], Any] = pictures.again
+    drawn: float | None = None
+    finished: tuple[float, tuple[Caption, ...]] | None = None
     for k, (cue, each) in enumerate(zip(shots, words, strict=True)):
         raise_if_interrupted()
-        if last is None or cue.t != last[0]:
+        if cue.t != drawn:
             images = pictures.draw(next(moments))
-        if last != (cue.t, each):
+            drawn = cue.t
+        finish: Callable[[], Any] = pictures.again
+        if (cue.t, each) != finished:
             finish = partial(pictures.finish, images, each, cue.t)
+            finished = cue.t, each
         append(finish)
-        finish = pictures.again
-        last = cue.t, each
         progress("render", k + 1, len(shots))
 
 

@@ -341,9 +341,9 @@ class Painter:
         # arrows.
         feet[:, 1] = np.maximum(feet[:, 1], np.interp(feet[:, 0], *chain.T) + self.edge)
         _, group = np.unique(np.floor(feet[:, 0] / distance), return_inverse=True)
-        count = np.bincount(group)
-        mean = [np.bincount(group, part) / count for part in (*feet.T, *forces.T)]
-        return np.stack(mean[:2], axis=1), np.stack(mean[2:], axis=1)
+        sums = [np.bincount(group, part) for part in (*feet.T, *forces.T)]
+        x, y, fx, fy = sums / np.bincount(group)
+        return np.stack([x, y], axis=1), np.stack([fx, fy], axis=1)
 
     def _of_springs(self, x: Array, v: Array, values: Array) -> Array:
         if QUANTITIES[self.colour].on != "springs":

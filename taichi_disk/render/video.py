@@ -172,12 +172,9 @@ def _gif(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[A
         [np.asarray(one) for one in unpacked(1 + len(packed) // _GIF_SAMPLES)]
     )
     palette = Image.fromarray(sampled).quantize(255, Image.Quantize.MAXCOVERAGE)
-    colours = sampled.reshape(-1, 3)[::7]
-    codes = colours @ np.array([65536, 256, 1])
-    # The background is exact, because a tinge would be seen.
-    ground = int(np.bincount(codes).argmax())
+    # The background, as in the corner, is exact, because a tinge would be seen.
     known = palette.getpalette() or []
-    known = [*known[: 3 * 255], ground >> 16, ground >> 8 & 255, ground & 255]
+    known = [*known[: 3 * 255], *sampled[0, 0].tolist()]
     palette.putpalette(known)
     first, *others = (
         one.quantize(palette=palette, dither=Image.Dither.NONE) for one in unpacked()
