@@ -22,7 +22,7 @@ from taichi_disk.lattice import Array
 from taichi_disk.output.artist import Artist
 from taichi_disk.output.files import write_text
 from taichi_disk.output.panel import ON_DARK
-from taichi_disk.output.plot import curves
+from taichi_disk.output.plot import axis_labels, curves
 from taichi_disk.progress import Progress
 from taichi_disk.render import film as pictures
 from taichi_disk.render.film import common_span, common_view
@@ -144,7 +144,8 @@ def _packed(
         "fps": rate,
         "cues": np.searchsorted(states[0].times, times).tolist(),
         "marks": _marks(states[0].run, times),
-        "curves": _curves(states, times),
+        "titles": _titles(states[0].run),
+        "curves": _curves(states),
         "runs": runs,
     }
     text = json.dumps(head).encode()
@@ -175,16 +176,22 @@ def _marks(run: Run, times: Sequence[float]) -> list[list[Any]]:
     return marks
 
 
-def _curves(states: Sequence[Recording], times: Sequence[float]) -> list[Any]:
-    """Return the curves of the runs at the times of the cues: panel, name, colours on a
-    light and a dark ground, values."""
+def _titles(run: Run) -> list[str]:
+    """Return the titles of the curves' panels, without units."""
+    labels = axis_labels(run.scenario, run.columns)
+    return [label.split("  ")[0] for label in labels]
+
+
+def _curves(states: Sequence[Recording]) -> list[dict[str, Any]]:
+    """Return the curves of the runs at the times of the states: panel, name, colours on
+    a light and a dark ground, values."""
     found = []
     for number, one in enumerate(states):
         columns = one.run.columns
         for curve in curves(one.run.scenario, columns):
             if number and curve.panel == 2:
                 continue  # the energies of several runs would hide each other
-            values = np.interp(times, columns["t"], curve.values)
+            values = np.interp(one.times, columns["t"], curve.values)
             found.append(
                 {
                     "panel": curve.panel,

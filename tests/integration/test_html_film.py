@@ -106,6 +106,16 @@ def test_states_survive_the_packing_to_a_thousandth_of_r(folder):
         assert not kind.signed or (codes.min() < 127 < codes.max())
 
 
+def test_curves_have_one_value_for_each_state_so_that_a_pause_is_no_plateau(folder):
+    film, _ = packed(folder / "film.html")
+    assert film["titles"] == ["normal velocity", "wall force", "energy"]
+    run = film["runs"][0]
+    assert {len(one["values"]) for one in film["curves"]} == {run["states"]}
+    assert len(film["cues"]) > run["states"]  # with pauses
+    force = film["curves"][1]["values"]
+    assert force.count(max(force)) == 1
+
+
 @pytest.mark.validate
 def test_240_states_of_1099_points_take_less_than_3_mb(tmp_path):
     # rotations lose most
@@ -263,7 +273,7 @@ def test_from_a_file_it_plays_scrubs_zooms_magnifies_and_shows_every_quantity(
 
 
 @pytest.mark.validate
-@pytest.mark.parametrize("size", [(390, 844), (768, 1024), (1280, 800)])
+@pytest.mark.parametrize("size", [(390, 844), (844, 390), (768, 1024), (1280, 800)])
 def test_on_a_screen_of_any_size_no_text_is_small_and_nothing_scrolls_sideways(
     browser, folder, size
 ):
@@ -284,3 +294,10 @@ def test_on_a_screen_of_any_size_no_text_is_small_and_nothing_scrolls_sideways(
     nameless = """return [...document.querySelectorAll('button, select, input')].filter(e =>
         !(e.ariaLabel || e.textContent.trim() || e.labels?.length)).map(e => e.outerHTML)"""
     assert browser.execute_script(nameless) == []
+    names = "const e = document.getElementById('names'); return [e.innerText, e.scrollWidth - e.clientWidth]"
+    text, cut = browser.execute_script(names)
+    assert "elastic" in text and "flight" in text and cut <= 0
+    # a canvas has the pixels that it covers: no circle is an ellipse
+    stretched = """return [...document.querySelectorAll('canvas')].filter(e =>
+        e.offsetWidth && Math.abs(e.width / e.height - e.clientWidth / e.clientHeight) > 0.02).length"""
+    assert browser.execute_script(stretched) == 0
