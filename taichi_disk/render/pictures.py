@@ -135,7 +135,6 @@ class Pictures:
         self._draw = ImageDraw.Draw(image)
         self._still = self._pixels.copy()
         drawn = self._camera.width, self._camera.height
-        self._levels = np.empty((*drawn, 4), dtype=np.float32)
         self._bytes = np.empty((*drawn, 4), dtype=np.uint8)
         self._window = open_window("taichi-disk", drawn, show_window=False)
 
@@ -181,10 +180,9 @@ class Pictures:
     def _place(self, part: NDArray[np.uint32], image: NDArray[np.float32]) -> None:
         """Place GGUI's image into the picture of a disk. Columns beside it show only
         the background and a rigid wall, so they repeat the outermost ones."""
-        # New memory for each picture would take longer than the arithmetic.
-        np.multiply(image, 255.0, out=self._levels)
-        self._levels += 0.5
-        np.copyto(self._bytes, self._levels, casting="unsafe")
+        # GGUI made k/255 of each byte k, so 255.5 times this is between k and k + 1. New
+        # memory for each picture would take longer than the arithmetic.
+        np.multiply(image, 255.5, out=self._bytes, casting="unsafe")
         # four bytes at a time, which is several times faster
         pixels = shrunk(self._bytes, self._supersample).view(np.uint32)[..., 0]
         rows = part[self._rows]

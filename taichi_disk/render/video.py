@@ -29,7 +29,7 @@ _OPTIONS = {
     # scene there is nothing to look ahead for.
     ".mp4": {
         "preset": "superfast",
-        "crf": "24.5",
+        "crf": "25",
         "bf": "0",
         "mbtree": "0",
         "rc-lookahead": "0",
