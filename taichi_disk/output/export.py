@@ -115,7 +115,7 @@ def _write_xyz(
     `stress` and `energy` as values of the whole system.
     """
     n = len(lattice.positions)
-    species = np.where(np.arange(n) < lattice.disk_points, "X", "Si")
+    disk = lattice.disk_points
     metadata = f'Program="{PROGRAM}" Scene="{_in_a_line(scene)}"'
     side = 0.0
     with path.open("w", encoding="utf-8", newline="\n") as file:
@@ -139,9 +139,9 @@ def _write_xyz(
                 ' pbc="F F F"\n'
             )
             table = np.concatenate(list(columns.values()), axis=1)
-            line = "%s" + " %.12g" * table.shape[1] + "\n"
-            for kind, row in zip(species, table.tolist(), strict=True):
-                file.write(line % (kind, *row))
+            numbers = " %.12g" * table.shape[1]
+            np.savetxt(file, table[:disk], f"X{numbers}")
+            np.savetxt(file, table[disk:], f"Si{numbers}")
 
 
 def _xyz_columns(lattice: Lattice, frame: Frame) -> dict[str, Array]:

@@ -206,13 +206,10 @@ def write_timeseries(
     names = [column.name for column in COLUMNS if _is_written(column, columns)]
     table = np.stack([columns[name] for name in names], axis=1)
     every = max(1, round(interval / float(columns["t"][1])))
-    rows = table[[*range(0, len(table) - 1, every), -1]]
-    atomic_write(
-        path,
-        lambda new: np.savetxt(
-            new, rows, "%.17g", delimiter=",", header=",".join(names), comments=""
-        ),
-    )
+    rows = np.concatenate([table[:-1:every], table[-1:]])
+    text = StringIO()
+    np.savetxt(text, rows, "%.17g", ",", header=",".join(names), comments="")
+    write_text(path, text.getvalue())
 
 
 def _is_written(column: Column, columns: dict[str, Array]) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,7 +25,7 @@ _TITLE_ABOVE = 0.6  # baseline of a title above its axes
 _TICK_LETTERS = 0.9
 _LINE = 0.15  # width of a curve
 _POWERS = (-1, 2)  # powers of ten from -1 to 2 are not factored out
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _STEP = 3  # distance of places that are tried for a name [px]
 _CLEAR = 0.2  # least distance of a name to a curve
 _FAR = 2.0  # a larger distance to other curves is no better
@@ -34,30 +33,24 @@ _FAR = 2.0  # a larger distance to other curves is no better
 
 @dataclass(frozen=True)
 class PanelScene:
-    """What the panel shows: curves over the times `t` (rows,), axis labels from top to
-    bottom, the shown `span` of times, and the result, which is known at a time."""
+    """What the panel shows.
+
+    Attributes:
+        t: (k,) times [R/c], evenly over the panel's width.
+        curves: values (k,) in units of their axes, and colours of the theme.
+        labels: of the axes, from top to bottom.
+        size: of the picture (width, height) [px].
+        letter: size of the titles' letters [px].
+        colours: of ground, ink, faint words, rules and coming curves, by name.
+    """
 
     t: Array
     curves: list[Curve]
-    labels: tuple[str, str, str]
+    labels: list[str]
     time_label: str
-    span: tuple[float, float]
-    result: str
-    result_time: float
-
-
-@dataclass(frozen=True)
-class PanelLook:
-    """Size of the picture (width, height) and of letters [px], and colours."""
-
     size: tuple[int, int]
     letter: float
-    ground: Any
-    ink: Any
-    faint: Any
-    rule: Any
-    coming: Any
-    is_dark: bool
+    colours: dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -65,20 +58,16 @@ class PanelPictures:
     """The drawn panel.
 
     Attributes:
-        coming, past, ended: pictures (height, width, 3) with grey curves, with coloured
-            curves, and with the result.
+        coming, past: pictures (height, width, 3) with grey and with coloured curves.
         boxes: left, right, top and bottom of each pair of axes [px].
-        rows: of each curve, its row [px] at each column of `boxes[0]`.
-        inks: colours of the curves, from 0 to 255.
+        rows: of each curve, its row [px] at each column of the axes.
         names: left, right, top and bottom of the names of curves [px].
     """
 
     coming: Picture
     past: Picture
-    ended: Picture
     boxes: list[Box]
     rows: list[Array]
-    inks: list[tuple[int, ...]]
     names: list[Box]
 
 
@@ -104,247 +93,179 @@ def factored(label: str, largest: float) -> tuple[str, float]:
     power = math.floor(math.log10(largest)) if largest > 0.0 else 0
     if _POWERS[0] <= power <= _POWERS[1] or "[" not in label:
         return label, 1.0
-    raised = str(power).translate(_RAISED)
+    raised = str(power).translate(RAISED)
     return label.replace("[", f"[10{raised} "), 10.0**power
 
 
-def draw_panel(scene: PanelScene, look: PanelLook) -> PanelPictures:
+def draw_panel(scene: PanelScene) -> PanelPictures:
     """Draw the panel of `scene`."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    width, height = look.size
+    width, height = scene.size
     # Slightly larger, because Matplotlib rounds down; a point is a pixel.
     size = (width + 0.1) / 72.0, (height + 0.1) / 72.0
-    with matplotlib_style(_style(look)):
+    with matplotlib_style(_style(scene)):
         figure = Figure(figsize=size, dpi=72.0)
         canvas = FigureCanvasAgg(figure)
-        boxes = _boxes(look)
-        axes = [_axes(figure, scene, look, panel) for panel in range(len(boxes))]
-        lines = [_line(axes[curve.panel], scene, curve, look) for curve in scene.curves]
-        for ax in axes:
-            ax.margins(y=0.07)
-            ax.set_xlim(*scene.span)
-        rows = [
-            _rows(axes[curve.panel], scene, line, boxes[curve.panel])
-            for curve, line in zip(scene.curves, lines, strict=True)
-        ]
-        names = _write_names(figure, scene, look, boxes, rows)
-        result = _write_result(figure, scene, look, boxes[0], rows[0])
+        axes = _axes(figure, scene)
+        lines = []
+        for curve in scene.curves:
+            lines += axes[curve.panel].plot(scene.t, curve.values, color=curve.colour)
+        rows = [_rows(line, height) for line in lines]
+        boxes = [_box(ax, height) for ax in axes]
+        names = _write_names(figure, scene, boxes[2], rows)
 
         def picture() -> Picture:
             canvas.draw()
             return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
-        result.set_visible(False)
         past = picture()
-        result.set_visible(True)
-        ended = picture()
-        result.set_visible(False)
         for line in lines:
-            line.set_color(look.coming)
-        coming = picture()
-    inks = [_ink(colour_of(curve, look)) for curve in scene.curves]
-    return PanelPictures(coming, past, ended, boxes, rows, inks, names)
+            line.set_color(scene.colours["coming"])
+        return PanelPictures(picture(), past, boxes, rows, names)
 
 
-def _ink(colour: str) -> tuple[int, ...]:
-    """Return red, green and blue of a colour of Matplotlib's, from 0 to 255."""
-    from matplotlib.colors import to_rgb
-
-    return tuple(round(255 * part) for part in to_rgb(colour))
-
-
-def colour_of(curve: Curve, look: PanelLook) -> str:
-    if look.is_dark:
-        return ON_DARK.get(curve.colour, curve.colour)
-    return curve.colour
-
-
-def _boxes(look: PanelLook) -> list[Box]:
-    width, height = look.size
-    letter = look.letter
-    left = round(_LEFT * letter)
-    right = round(width - _RIGHT * letter)
-    room = height - (_TOP + 2 * _BETWEEN + _BOTTOM) * letter
-    boxes = []
-    top = _TOP * letter
-    for part in PANEL_HEIGHTS:
-        bottom = top + room * part / sum(PANEL_HEIGHTS)
-        boxes.append((left, right, round(top), round(bottom)))
-        top = bottom + _BETWEEN * letter
-    return boxes
-
-
-def _axes(figure: Any, scene: PanelScene, look: PanelLook, panel: int) -> Any:
-    """Return one pair of axes, without its curves."""
+def _axes(figure: Any, scene: PanelScene) -> Any:
+    """Return the axes, without their curves."""
     from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-    width, height = look.size
-    left, right, top, bottom = _boxes(look)[panel]
-    is_lowest = panel == len(PANEL_HEIGHTS) - 1
-    size = (right - left) / width, (bottom - top) / height
-    ax = figure.add_axes((left / width, 1.0 - bottom / height, *size))
-    ax.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10], prune="both"))
-    ax.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 3, 5, 10]))
+    width, height = scene.size
+    letter = scene.letter
+    room = height - (_TOP + 2 * _BETWEEN + _BOTTOM) * letter
+    axes = figure.subplots(
+        len(PANEL_HEIGHTS),
+        1,
+        sharex=True,
+        height_ratios=PANEL_HEIGHTS,
+        gridspec_kw={
+            "left": _LEFT * letter / width,
+            "right": 1.0 - _RIGHT * letter / width,
+            "top": 1.0 - _TOP * letter / height,
+            "bottom": _BOTTOM * letter / height,
+            "hspace": _BETWEEN * letter / (room / len(PANEL_HEIGHTS)),
+        },
+    )
     plain = FuncFormatter(lambda value, _: f"{value:.6g}".replace("-", "−"))
-    ax.xaxis.set_major_formatter(plain)
-    ax.yaxis.set_major_formatter(plain)
-    ax.tick_params(length=0, labelbottom=is_lowest)
-    if is_lowest:
-        ax.set_xlabel(scene.time_label.replace("  ", " "))
-    title, _ = factored(scene.labels[panel], _largest(scene, panel))
-    row = top - _TITLE_ABOVE * look.letter
-    colour = colour_of(scene.curves[0], look) if panel == 0 else look.ink
-    figure.text(
-        0.5 * look.letter / width,
-        1.0 - row / height,
-        title.replace("  ", " "),
-        color=colour,
-        fontsize=look.letter,
-    )
-    return ax
+    inks = [scene.curves[0].colour, scene.colours["ink"], scene.colours["ink"]]
+    for ax, label, ink in zip(axes, scene.labels, inks, strict=True):
+        ax.xaxis.set_major_formatter(plain)
+        ax.yaxis.set_major_formatter(plain)
+        ax.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 3, 5, 10]))
+        ax.set_title(label.replace("  ", " "), color=ink)
+    axes[-1].xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10], prune="both"))
+    axes[-1].set_xlabel(scene.time_label.replace("  ", " "))
+    return axes
 
 
-def _largest(scene: PanelScene, panel: int) -> float:
-    return max(
-        float(np.abs(curve.values).max())
-        for curve in scene.curves
-        if curve.panel == panel
-    )
+def _rows(line: Any, height: int) -> Array:
+    """Return the row of a curve at each column of its axes [px]."""
+    line.axes.get_ylim()  # lets Matplotlib choose the limits
+    columns, rows = line.axes.transData.transform(line.get_xydata()).T
+    left, right, _, _ = _box(line.axes, height)
+    return np.interp(np.arange(left, right), columns, height - rows)
 
 
-def _line(ax: Any, scene: PanelScene, curve: Curve, look: PanelLook) -> Any:
-    """Draw a curve in units of its axis. Before t = 0 it is constant."""
-    _, unit = factored(scene.labels[curve.panel], _largest(scene, curve.panel))
-    t = np.concatenate([[min(scene.span[0], scene.t[0])], scene.t])
-    values = np.concatenate([curve.values[:1], curve.values]) / unit
-    (line,) = ax.plot(t, values, color=colour_of(curve, look))
-    return line
-
-
-def _rows(ax: Any, scene: PanelScene, line: Any, box: Box) -> Array:
-    """Return the row of a curve at each column [px]."""
-    left, right, top, bottom = box
-    times = np.linspace(*scene.span, right - left)
-    values = np.interp(times, line.get_xdata(), line.get_ydata())
-    low, high = ax.get_ylim()
-    return np.asarray(bottom - (bottom - top) * (values - low) / (high - low))
+def _box(ax: Any, height: int) -> Box:
+    left, bottom, right, top = ax.get_window_extent().extents
+    return round(left), round(right), round(height - top), round(height - bottom)
 
 
 # ---- names of the energies
 
 
 def _write_names(
-    figure: Any,
-    scene: PanelScene,
-    look: PanelLook,
-    boxes: Sequence[Box],
-    rows: Sequence[Array],
+    figure: Any, scene: PanelScene, box: Box, rows: list[Array]
 ) -> list[Box]:
-    """Write each name beside its curve, where it is far from the others; if there is no
-    such place, in the line of the title. Return the boxes of the names."""
+    """Write each name beside its curve in the axes `box`, where it is far from the
+    others; if there is no such place, in the line of the title. Return the boxes of the
+    names."""
     named = [k for k, curve in enumerate(scene.curves) if curve.name]
     named.sort(key=lambda k: -float(np.ptp(rows[k])))
-    _, right, top, _ = boxes[2]
-    letter = _TICK_LETTERS * look.letter
-    width, height = look.size
+    left, beyond, top, _ = box
+    _, height = scene.size
+    letter = _TICK_LETTERS * scene.letter
     names: list[Box] = []
-    beyond = float(right)
+    edges: list[Array] = []  # of the names, like `rows`
     for k in named:
-        colour = colour_of(scene.curves[k], look)
-        text = figure.text(0, 0, scene.curves[k].name, color=colour, fontsize=letter)
+        curve = scene.curves[k]
+        text = figure.text(0, 0, curve.name, color=curve.colour, transform=None)
         wide = math.ceil(text.get_window_extent().width)
         others = [rows[other] for other in named if other != k]
-        place = _place(rows[k], others, names, (wide, letter), boxes[2])
+        place = _place(rows[k], [*others, *edges], (wide, letter), box)
         if place is None:
-            beyond -= wide
-            x = beyond
-            baseline = top - _TITLE_ABOVE * look.letter
-            beyond -= letter
+            x = beyond - wide
+            baseline = top - _TITLE_ABOVE * scene.letter
+            beyond = round(x - letter)
         else:
             x, baseline = place
-        text.set_position((x / width, 1.0 - baseline / height))
-        high = baseline - 0.85 * letter
-        low = baseline + 0.25 * letter
-        names.append((round(x), round(x) + wide, round(high), round(low)))
+        text.set_position((x, height - baseline))
+        high = round(baseline - 0.85 * letter)
+        low = round(baseline + 0.25 * letter)
+        names.append((x, x + wide, high, low))
+        first = max(round(x - left - letter), 0)
+        for row in (high, low):
+            edge = np.full(len(rows[k]), np.inf)
+            edge[first : round(x - left + wide + letter)] = row
+            edges.append(edge)
     return names
 
 
 def _place(
-    own: Array,
-    others: Sequence[Array],
-    names: Sequence[Box],
-    size: tuple[int, float],
-    box: Box,
-) -> tuple[float, float] | None:
+    own: Array, others: list[Array], size: tuple[int, float], box: Box
+) -> tuple[int, float] | None:
     """Return the best column and baseline [px] for a name of `size` (width, letter)
     beside the curve `own`; None if it would cross something everywhere."""
     wide, letter = size
     left, _, top, bottom = box
-    best: tuple[float, float] | None = None
-    best_cost = math.inf
-    for first in range(round(0.3 * letter), len(own) - wide, _STEP):
-        columns = slice(first, first + wide)
-        mine = own[columns]
-        above = float(mine.min()) - 0.45 * letter
-        below = float(mine.max()) + 1.15 * letter
-        for baseline in (above, below):
-            high = baseline - 0.85 * letter
-            low = baseline + 0.2 * letter
-            if high < top - 0.5 * letter or low > bottom:
-                continue
-            distances = [_distance(rows[columns], high, low) for rows in others]
-            for x0, x1, upper, lower in names:
-                if x0 - letter < left + columns.stop and left + first < x1 + letter:
-                    distances.append(max(upper - low, high - lower))
-            room = min([_FAR * letter, *distances])
-            lowness = (baseline - top) / (bottom - top)
-            cost = float(np.ptp(mine)) - room + 0.5 * letter * lowness
-            if room >= _CLEAR * letter and cost < best_cost:
-                best = float(left + first), baseline
-                best_cost = cost
-    return best
+    first = np.arange(round(0.3 * letter), len(own) - wide, _STEP)
+    if not len(first):
+        return None
+    columns = first[:, None] + np.arange(wide)
+    mine = own[columns]
+    above = mine.min(axis=1) - 0.45 * letter
+    below = mine.max(axis=1) + 1.15 * letter
+    baselines = np.stack([above, below])
+    high = baselines - 0.85 * letter
+    low = baselines + 0.2 * letter
+    room = np.full(baselines.shape, _FAR * letter)
+    for rows in others:
+        near = rows[columns]
+        apart = np.maximum(high[..., None] - near, near - low[..., None])
+        room = np.minimum(room, apart.min(axis=-1))
+    lowness = (baselines - top) / (bottom - top)
+    cost = np.ptp(mine, axis=1) - room + 0.5 * letter * lowness
+    is_outside = (high < top - 0.5 * letter) | (low > bottom)
+    cost[is_outside | (room < _CLEAR * letter)] = np.inf
+    side, best = np.unravel_index(cost.argmin(), cost.shape)
+    if np.isinf(cost[side, best]):
+        return None
+    return left + int(first[best]), float(baselines[side, best])
 
 
-def _distance(rows: Array, high: float, low: float) -> float:
-    """Return the distance of a curve to the rows from `high` to `low`; below 0 if it
-    crosses them."""
-    return float(np.maximum(high - rows, rows - low).min())
-
-
-def _write_result(
-    figure: Any, scene: PanelScene, look: PanelLook, box: Box, rows: Array
-) -> Any:
-    """Write the result at the right end of the first curve, inside its axes."""
-    width, height = look.size
-    _, right, _, bottom = box
-    letter = _TICK_LETTERS * look.letter
-    colour = colour_of(scene.curves[0], look)
-    text = figure.text(0, 0, scene.result, color=colour, fontsize=letter)
-    wide = math.ceil(text.get_window_extent().width)
-    row = rows[-wide:].max() + 1.3 * letter
-    if row > bottom - 0.3 * letter:
-        row = rows[-wide:].min() - 0.5 * letter
-    text.set_position(((right - wide) / width, 1.0 - row / height))
-    return text
-
-
-def _style(look: PanelLook) -> dict[Any, Any]:
+def _style(scene: PanelScene) -> dict[Any, Any]:
+    letter = scene.letter
+    colours = scene.colours
     return {
         **STYLE,
-        "font.size": _TICK_LETTERS * look.letter,
+        "font.size": _TICK_LETTERS * letter,
         "axes.labelsize": "medium",
-        "lines.linewidth": _LINE * look.letter,
-        "axes.linewidth": 0.06 * look.letter,
-        "grid.linewidth": 0.05 * look.letter,
-        "axes.labelpad": 0.2 * look.letter,
-        "text.color": look.ink,
-        "axes.labelcolor": look.ink,
-        "xtick.color": look.ink,
-        "ytick.color": look.ink,
-        "axes.edgecolor": look.faint,
-        "grid.color": look.rule,
-        "figure.facecolor": look.ground,
-        "axes.facecolor": look.ground,
+        "axes.titlesize": letter,
+        "axes.titlelocation": "left",
+        "axes.titlepad": _TITLE_ABOVE * letter,
+        "axes.xmargin": 0.0,
+        "axes.ymargin": 0.07,
+        "lines.linewidth": _LINE * letter,
+        "axes.linewidth": 0.06 * letter,
+        "grid.linewidth": 0.05 * letter,
+        "axes.labelpad": 0.2 * letter,
+        "xtick.major.size": 0.0,
+        "ytick.major.size": 0.0,
+        "axes.labelcolor": colours["ink"],
+        "xtick.color": colours["ink"],
+        "ytick.color": colours["ink"],
+        "axes.edgecolor": colours["faint"],
+        "grid.color": colours["rule"],
+        "figure.facecolor": colours["ground"],
+        "axes.facecolor": colours["ground"],
     }

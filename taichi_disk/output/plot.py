@@ -211,7 +211,7 @@ def _draw_run(figure: Any, scenario: Scenario, columns: Columns) -> None:
         ax = axes[curve.panel]
         ax.plot(t, curve.values, color=curve.colour, label=curve.name)
     _mark_vibration(axes[2], columns)
-    _mark(axes[0], t, scenario.motion(columns)[0], result)
+    _mark(axes[0], scenario.motion(columns)[0], result, side="right")
     axes[1].annotate(
         note, (0.988, 0.92), xycoords="axes fraction", ha="right", va="top", color="0.2"
     )
@@ -263,7 +263,7 @@ def _draw_loading(figure: Any, scenario: Scenario, columns: Columns) -> None:
     laws = scenario.continuum(columns).items()
     for (name, law), style in zip(laws, ("--", ":"), strict=False):
         force.plot(law, load, style, color=SUM, label=name)
-    _mark(force, xi, load, scenario.marks(columns)[0])
+    _mark(force, load, scenario.marks(columns)[0], side="left")
     for name in ("elastic", "wall"):
         column = BY_NAME[name]
         energy.plot(xi, columns[name], label=column.label, color=column.colour)
@@ -276,20 +276,17 @@ def _draw_loading(figure: Any, scenario: Scenario, columns: Columns) -> None:
     energy.legend(loc="upper left")
 
 
-def _mark(ax: Any, t: Array, values: Array, text: str) -> None:
-    """Draw a line at the last of `values`, and write `text` below it, where the curve
-    is far away."""
-    level = values[-1]
-    start, end = ax.get_xlim()
-    beginning = values[t <= start + 0.3 * (end - start)]
-    is_free = np.abs(beginning - level).min() > 0.3 * np.ptp(values)
-    ax.axhline(level, color=MARK, linewidth=1.0, linestyle=(0, (5, 4)))
+def _mark(ax: Any, values: Array, text: str, side: str) -> None:
+    """Draw a line at the last of `values`, and write `text` below its "left" or "right"
+    end."""
+    ax.axhline(values[-1], color=MARK, linewidth=1.0, linestyle=(0, (5, 4)))
     ax.annotate(
         text,
-        xy=(0.02 if is_free else 0.7, level),
+        xy=(0.02 if side == "left" else 0.98, values[-1]),
         xycoords=ax.get_yaxis_transform(),
         xytext=(0, -3),
         textcoords="offset points",
+        ha=side,
         va="top",
         color="0.2",
     )

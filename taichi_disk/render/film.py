@@ -14,7 +14,6 @@ import numpy as np
 from taichi_disk.computation.driver import State
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import InputError
-from taichi_disk.fields import Triangles
 from taichi_disk.output.artist import Artist
 from taichi_disk.output.files import (
     atomic_write,
@@ -52,7 +51,6 @@ _LABEL_SIZE = 1.5  # size of a comparison's differing keys, relative to the titl
 _MIN_PANEL_SIZE = 360
 _PANEL_WIDTH = 7 / 9  # over the height: with one disk, a film is 16 : 9
 _DISK_WIDTH = 8 / 9  # of one of several disks: two are 16 : 9, three 16 : 6
-_SIDE_PARTS = 4  # points on a side that must not touch words
 _PANEL_LETTER = 20.0  # in a picture of 720 pixels [px]
 
 
@@ -117,13 +115,9 @@ def film(
     panel_width = 0
     if video.panel and video.size >= _MIN_PANEL_SIZE and len(runs) == 1:
         panel_width = 2 * round(video.size * _PANEL_WIDTH / 2)
-        panel = begin_panel(
-            artist or Artist(),
-            runs[0],
-            (panel_width, video.size),
-            letters.size(_PANEL_LETTER),
-            video.theme,
-        )
+        size = panel_width, video.size
+        letter = letters.size(_PANEL_LETTER)
+        panel = begin_panel(artist or Artist(), runs[0], size, letter, video.theme)
     progress("render", 0, len(shots))
 
     def make(states: Sequence[Recording]) -> Pictures:
@@ -164,17 +158,18 @@ def _film(
     moments: Iterator[tuple[State, ...]]
     moments = zip(*(one.moments() for one in states), strict=True)
     words = zip(*(captions(one.run, shots) for one in states), strict=True)
-    last: tuple[float, tuple[Caption, ...]] | None = None
-    finish: Callable[[], Any] = pictures.again
+    drawn: float | None = None
+    finished: tuple[float, tuple[Caption, ...]] | None = None
     for k, (cue, each) in enumerate(zip(shots, words, strict=True)):
         raise_if_interrupted()
-        if last is None or cue.t != last[0]:
+        if cue.t != drawn:
             images = pictures.draw(next(moments))
-        if last != (cue.t, each):
+            drawn = cue.t
+        finish: Callable[[], Any] = pictures.again
+        if (cue.t, each) != finished:
             finish = partial(pictures.finish, images, each, cue.t)
+            finished = cue.t, each
         append(finish)
-        finish = pictures.again
-        last = cue.t, each
         progress("render", k + 1, len(shots))
 
 
@@ -208,13 +203,13 @@ def _pictures(
     if not legends[0].painter.has_elastic_wall and footer(letters, video.size):
         # the wall's body carries the scales
         view = (*view[:2], max(one.edge for one in states), view[3])
-    outer = [_outer_points(one, magnify) for one in states]
-    layout = arranged(legends, size, letters, view, outer)
+    outer = [one.outer_positions(magnify) for one in states]
+    camera = arranged(legends, size, letters, view, outer)
     below = len(states) * width, footer(letters, video.size)
     paces = {cue.pace for cue in shots}
-    scales = Scales(legends[0].painter, below, letters, paces)
+    scales = Scales(legends[0].painter, below, letters, camera.scale, paces)
     return Pictures(
-        legends, scales, layout, size, video.supersample, panel, panel_width
+        legends, scales, camera, view, video.supersample, panel, panel_width
     )
 
 
@@ -232,23 +227,6 @@ def painter_of(states: Recording, video: VideoSection, magnify: float) -> Painte
     painter.full_speed = states.full_speed
     painter.edge = states.edge
     return painter
-
-
-def _outer_points(states: Recording, magnify: float) -> Any:
-    """Return points (k, 2) [R] on the outline of the disk where it reaches farthest,
-    several on each side of a triangle, because a side may cut off a corner of a
-    word."""
-    lattice = states.run.scenario.lattice
-    sides = Triangles(lattice).outline
-    start, end = sides[(sides < lattice.disk_points).all(axis=1)].T
-    if not len(start):
-        return np.concatenate(states.outer_positions(magnify))
-    parts = np.arange(_SIDE_PARTS)[:, None, None] / _SIDE_PARTS
-    points = []
-    for x in states.outer_positions(magnify):
-        along = x[start] + parts * (x[end] - x[start])
-        points.append(along.reshape(-1, 2))
-    return np.concatenate(points)
 
 
 def common_view(views: Sequence[View]) -> View:

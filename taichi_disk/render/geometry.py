@@ -11,6 +11,7 @@ fade by the opacity of their edges, where the window's shaders know one.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -62,31 +63,42 @@ class Camera:
         """Return the camera that shows `view` (xmin, xmax, ymin, ymax) [R] as large as
         possible in `viewport`."""
         xmin, xmax, ymin, ymax = view
-        left, right, top, bottom = viewport = viewport or (
-            0.0,
-            float(width),
-            0.0,
-            float(height),
-        )
-        room = right - left - 2.0 * margin, bottom - top - 2.0 * margin
-        scale = max(min(room[0] / (xmax - xmin), room[1] / (ymax - ymin)), 1e-3)
-        middle = (left + right) / 2.0, (top + bottom) / 2.0
+        viewport = viewport or (0.0, float(width), 0.0, float(height))
+        left, right, top, bottom = viewport
+        across = (right - left - 2.0 * margin) / (xmax - xmin)
+        upwards = (bottom - top - 2.0 * margin) / (ymax - ymin)
         return cls(
-            width,
-            height,
-            scale,
-            ((xmin + xmax) / 2.0, (ymin + ymax) / 2.0),
-            middle,
-            viewport,
+            width=width,
+            height=height,
+            scale=max(min(across, upwards), 1e-3),
+            look_at=(0.5 * (xmin + xmax), 0.5 * (ymin + ymax)),
+            middle=(0.5 * (left + right), 0.5 * (top + bottom)),
+            viewport=viewport,
         )
 
     def to_scene(self, pixels: ArrayLike) -> Array:
         """Convert (column, row) (..., 2) [px] to points of the scene [R]; pixel k
         covers k to k + 1."""
-        offset = (np.asarray(pixels, dtype=np.float64) - self.middle) / self.scale
-        return np.stack(
-            [self.look_at[0] + offset[..., 0], self.look_at[1] - offset[..., 1]],
-            axis=-1,
+        offset = (np.asarray(pixels) - self.middle) / self.scale
+        return self.look_at + offset * [1.0, -1.0]
+
+    def to_pixels(self, points: ArrayLike) -> Array:
+        """Convert points (..., 2) of the scene [R] to (column, row) [px]."""
+        offset = (np.asarray(points) - self.look_at) * self.scale
+        return self.middle + offset * [1.0, -1.0]
+
+    def cropped(self, rows: slice, columns: slice, factor: float) -> Camera:
+        """Return the camera of a part of the canvas, magnified by `factor`."""
+        width = round(factor * (columns.stop - columns.start))
+        height = round(factor * (rows.stop - rows.start))
+        column, row = self.middle
+        return Camera(
+            width=width,
+            height=height,
+            scale=factor * self.scale,
+            look_at=self.look_at,
+            middle=(factor * (column - columns.start), factor * (row - rows.start)),
+            viewport=(0.0, float(width), 0.0, float(height)),
         )
 
     def zoomed(self, factor: float, at: tuple[float, float]) -> Camera:
@@ -128,15 +140,19 @@ def placed(lattice: Lattice, x: Array, magnify: float) -> Array:
     out = np.array(x, order="C")
     if magnify == 1.0:
         return out
-    n = lattice.disk_points
-    rest = lattice.positions[:n]
-    now = x[:n]
-    disk = turned(rest, roll_angle(rest, now))
+    now = out[: lattice.disk_points]
+    disk = _unloaded(lattice, x)
     across = now[:, 0].mean() - disk[:, 0].mean()
     up = now[:, 1].min() - disk[:, 1].min()
     disk += [across, up]
-    out[:n] = disk + magnify * (now - disk)
+    now[:] = disk + magnify * (now - disk)
     return out
+
+
+def _unloaded(lattice: Lattice, x: Array) -> Array:
+    """Return the points of the unloaded disk, rotated like the disk at `x`."""
+    rest = lattice.positions[: lattice.disk_points]
+    return turned(rest, roll_angle(rest, x[: lattice.disk_points]))
 
 
 def flattening(lattice: Lattice, x: Array) -> float:
@@ -146,23 +162,17 @@ def flattening(lattice: Lattice, x: Array) -> float:
     # and dent.
     if len(lattice.wall_surface):
         return 1.0
-    rest = lattice.positions[: lattice.disk_points]
-    now = x[: lattice.disk_points]
-    unloaded = turned(rest, roll_angle(rest, now))
-    return float(
-        np.ptp([unloaded[:, 1].mean(), unloaded[:, 1].min()])
-        - np.ptp([now[:, 1].mean(), now[:, 1].min()])
-    )
+    unloaded = _unloaded(lattice, x)[:, 1]
+    now = x[: lattice.disk_points, 1]
+    return float(unloaded.mean() - unloaded.min() - (now.mean() - now.min()))
 
 
 def magnification(wanted: float | str, flattest: float) -> float:
     """Return the factor for displacements; "auto" makes the flattening `flattest` [R]
     look like FLATTENING."""
-    return (
-        max(1.0, round_near(FLATTENING / max(flattest, 1e-9)))
-        if wanted == "auto"
-        else float(wanted)
-    )
+    if wanted != "auto":
+        return float(wanted)
+    return max(1.0, round_near(FLATTENING / max(flattest, 1e-9)))
 
 
 # ---- shapes
@@ -184,11 +194,9 @@ def _inked(colours: Any, opacity: Any, count: int) -> Array:
 def edge_height(wall: Any, force: float) -> float:
     """Return the height of a wall's edge above its surface [R], where it exerts `force`
     [M c^2/R] on a point."""
-    return (
-        max(wall.height_of_force(force), 0.0)
-        if wall is not None and force > 0.0
-        else 0.0
-    )
+    if wall is None or force <= 0.0:
+        return 0.0
+    return max(wall.height_of_force(force), 0.0)
 
 
 def wall_body(
@@ -211,31 +219,32 @@ def wall_body(
 
 
 def _strips(chain: Array, heights: Array, colours: Array) -> Shape:
-    ends = np.concatenate([chain[:1], chain, chain[-1:]])
-    along = ends[2:] - ends[:-2]
-    normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(*along.T)[:, None]
+    normal = _left(np.gradient(chain, axis=0))
     grid = chain + heights[:, None, None] * normal
-    parts = (grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1])
-    below, above = (
-        np.repeat(ends, len(chain) - 1, axis=0) for ends in (colours[:-1], colours[1:])
-    )
-    return quads(*(part.reshape(-1, 2) for part in parts), below, below, above, above)
+    inks = np.repeat(colours[:, None], len(chain), axis=1)
+    return quads(_cells(grid), _cells(inks))
 
 
-def quads(a: Array, b: Array, c: Array, d: Array, *colours: Array) -> Shape:
-    """Return quadrangles a, b, c, d (k, 2); `colours`: of each corner, (3,) or (k,
-    3)."""
+def _cells(grid: Array) -> list[Array]:
+    """Return the four corners of each cell of a grid."""
+    return [grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]]
+
+
+def quads(corners: Sequence[Array], colours: Sequence[Any]) -> Shape:
+    """Return quadrangles with four corners (..., 2) and colours (..., 3) there."""
     order = [0, 1, 2, 0, 2, 3]
-    corners = np.stack([a, b, c, d], axis=1)[:, order]
-    each = [np.broadcast_to(colour, (len(a), 3)) for colour in colours]
-    inks = np.stack(each, axis=1)[:, order].reshape(-1, 3)
-    return corners.reshape(-1, 2), _inked(inks, 1.0, len(inks))
+    points = np.stack(corners, axis=-2)[..., order, :].reshape(-1, 2)
+    inks = np.empty((*corners[0].shape[:-1], 4, 3))
+    for k, colour in enumerate(colours):
+        inks[..., k, :] = colour
+    return points, _inked(inks[..., order, :].reshape(-1, 3), 1.0, len(points))
 
 
-def _left(start: Array, end: Array, half: float) -> Array:
-    along = end - start
-    along *= half / np.maximum(np.hypot(*along.T), 1e-300)[:, None]
-    return np.stack([-along[:, 1], along[:, 0]], axis=1)
+def _left(along: Array, length: float = 1.0) -> Array:
+    """Return vectors of this length at the left of `along` (..., 2)."""
+    size = np.maximum(np.hypot(along[..., 0], along[..., 1]), 1e-300)
+    turned_left = np.stack([-along[..., 1], along[..., 0]], axis=-1)
+    return length / size[..., None] * turned_left
 
 
 def outline(
@@ -252,16 +261,14 @@ def outline(
     `inside`: colours (k, 2, 3) on the left, at both ends; `outside`: colour on the
         right.
     """
-    left = _left(start, end, half)
-    along = np.stack([left[:, 1], -left[:, 0]], axis=1)
-    start = start - 0.3 * along
-    end = end + 0.3 * along
-    middle = np.asarray(ink)
-    outer = quads(
-        start - left, end - left, end, start, *[np.asarray(outside)] * 2, middle, middle
-    )
+    left = _left(end - start, half)
+    beyond = 0.3 * _left(left, half)
+    start = start + beyond
+    end = end - beyond
+    right = [start - left, end - left, end, start]
+    outer = quads(right, [outside, outside, ink, ink])
     inner = quads(
-        start, end, end + left, start + left, middle, middle, inside[:, 1], inside[:, 0]
+        [start, end, end + left, start + left], [ink, ink, inside[:, 1], inside[:, 0]]
     )
     return joined(outer, inner)
 
@@ -282,9 +289,9 @@ def arrows(
 ) -> Shape:
     """Return arrows from `feet` (k, 2) along `vectors` (k, 2) [R], with a rim in the
     colour of the ground. Short arrows are thinner."""
-    length = np.hypot(vectors[:, 0], vectors[:, 1])[:, None]
+    length = np.hypot(*vectors.T)[:, None]
     along = vectors / length
-    across = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    across = -_left(vectors)
     head = np.minimum(style.head, _MAX_HEAD / _HEAD_LENGTH * length)
     shaft = 0.5 * style.shaft * head / style.head * across
     wing = head * across
@@ -347,9 +354,7 @@ def _next(corners: Array) -> Array:
 def _outward(corners: Array) -> Array:
     """Return the vectors (k, c, 2) by which the corners of polygons, counter-clockwise,
     move if all sides move outwards by 1."""
-    sides = _next(corners) - corners
-    sides /= np.maximum(np.hypot(sides[..., 0], sides[..., 1]), 1e-300)[..., None]
-    normal = np.stack([sides[..., 1], -sides[..., 0]], axis=-1)
+    normal = -_left(_next(corners) - corners)
     before = np.concatenate([normal[:, -1:], normal[:, :-1]], axis=1)
     cosine = (normal * before).sum(axis=-1, keepdims=True)
     return np.asarray((normal + before) / (1.0 + cosine))

@@ -9,31 +9,34 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from importlib.util import find_spec
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import ImageFont
 
 from taichi_disk.render.moments import Caption
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import THEMES, Colour
 
 Ink = tuple[int, int, int]
+Box = tuple[float, float, float, float]  # left, right, top and bottom [px]
 
 LEAST = 11.0  # smallest size of letters [px]
 # Sizes [px] in a picture of 720 pixels. Other pictures scale them, but letters not
 # below LEAST.
-MARGIN = 24.0
+_MARGIN = 24.0
 _HEADING = 26.0
 _TEXT = 20.0
 _SMALL = 18.0
 BAR_HEIGHT = 16.0
 BAR_BELOW = 28.0
+_LEADING = 1.3  # distance of baselines over the size of letters
 _LABELLED = 240  # smallest picture with room for text [px]
 # largest height of a band above the disk over the picture's; lines that do not fit are
 # left out
@@ -46,20 +49,13 @@ def ink(colour: Colour | NDArray[np.float32]) -> Ink:
 
 
 @lru_cache(maxsize=32)
-def font(size: float, bold: bool = False) -> ImageFont.FreeTypeFont:
+def _font(size: float, bold: bool) -> ImageFont.FreeTypeFont:
     # finds the font without importing Matplotlib, which takes 0.3 s
     spec = find_spec("matplotlib")
     assert spec and spec.origin
-    path = (
-        Path(spec.origin).parent
-        / "mpl-data/fonts/ttf"
-        / ("DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf")
-    )
+    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+    path = Path(spec.origin).with_name("mpl-data") / "fonts/ttf" / name
     return ImageFont.truetype(path, size, layout_engine=ImageFont.Layout.BASIC)
-
-
-def text_width(line: str, size: float, bold: bool = False) -> float:
-    return font(size, bold).getlength(line)
 
 
 @dataclass(frozen=True)
@@ -77,6 +73,27 @@ class Letters:
     def small(self) -> float:
         return self.size(_SMALL)
 
+    @property
+    def margin(self) -> float:
+        """Distance of words to the sides of the picture [px]."""
+        return max(_MARGIN * self.unit, 7.0)
+
+
+@dataclass(frozen=True)
+class Face:
+    """Size [px], colour and weight of letters."""
+
+    size: float
+    ink: Ink
+    bold: bool = False
+
+    @property
+    def font(self) -> ImageFont.FreeTypeFont:
+        return _font(self.size, self.bold)
+
+    def width(self, text: str) -> float:
+        return self.font.getlength(text)
+
 
 @dataclass(frozen=True)
 class Line:
@@ -84,42 +101,30 @@ class Line:
     `ends` there."""
 
     text: str
-    size: float
-    ink: Ink
+    face: Face
     x: float
     baseline: float
-    bold: bool = False
     ends: bool = False
 
     @property
-    def box(self) -> tuple[float, float, float, float]:
-        """Left, right, top and bottom [px]."""
-        width = text_width(self.text, self.size, self.bold)
-        left = self.x - width if self.ends else self.x
-        top = self.baseline - 0.8 * self.size
-        return left, left + width, top, self.baseline + 0.25 * self.size
+    def box(self) -> Box:
+        left = self.x
+        if self.ends:
+            left -= self.face.width(self.text)
+        right = left + self.face.width(self.text)
+        size = self.face.size
+        return left, right, self.baseline - 0.8 * size, self.baseline + 0.25 * size
 
-    @property
-    def pixels(self) -> tuple[slice, slice]:
-        """Rows and columns of the text and one pixel around it."""
-        left, right, top, bottom = self.box
-        rows = slice(max(math.floor(top) - 1, 0), math.ceil(bottom) + 2)
-        return rows, slice(max(math.floor(left) - 1, 0), math.ceil(right) + 2)
-
-    def write(self, picture: NDArray[np.uint8]) -> None:
-        """Write the text into `picture` (height, width, 3)."""
-        rows, columns = self.pixels
-        patch = Image.fromarray(picture[rows, columns])
-        x = self.x - columns.start
-        baseline = self.baseline - rows.start
-        replace(self, x=x, baseline=baseline).draw(ImageDraw.Draw(patch))
-        picture[rows, columns] = np.asarray(patch)
-
-    def draw(self, draw: Any) -> None:
-        anchor = "rs" if self.ends else "ls"
-        place = self.x, self.baseline
-        face = font(self.size, self.bold)
-        draw.text(place, self.text, fill=self.ink, font=face, anchor=anchor)
+    def draw(self, draw: Any, left: float, top: float) -> None:
+        """Draw the text into the part of a picture that begins at `left` and `top`
+        [px]."""
+        draw.text(
+            (self.x + left, self.baseline + top),
+            self.text,
+            fill=self.face.ink,
+            font=self.face.font,
+            anchor="rs" if self.ends else "ls",
+        )
 
 
 class Legend:
@@ -127,7 +132,7 @@ class Legend:
     fit at 11 pixels are left out.
 
     Attributes:
-        is_band: whether words stand in a band above the disk instead of in the corners.
+        lines: the words that do not change, after `set_band`.
     """
 
     def __init__(
@@ -148,140 +153,98 @@ class Legend:
             enlarged: factor for the size of the title's first line.
         """
         self.painter = painter
-        self.letters = letters
-        self.is_band = False
+        self.lines: list[Line] = []
+        self._is_band = False
+        self._letters = letters
         self._width, self._height = size
         self._title = title
         self._samples = samples
-        self._heading = letters.size(_HEADING)
-        self._first = enlarged * self._heading
-        self._text = letters.size(_TEXT)
-        self._margin = max(MARGIN * letters.unit, 7.0)
         theme = THEMES[painter.theme]
-        self._ground = ink(theme.ground)
-        self._ink = ink(theme.ink)
-        self._faint = ink(theme.faint)
-        self._velocity = ink(theme.velocity)
+        heading = letters.size(_HEADING)
+        self._first = Face(enlarged * heading, ink(theme.ink), bold=True)
+        self._motion = Face(heading, ink(theme.velocity), bold=True)
+        self._result = Face(heading, ink(theme.ink), bold=True)
+        self._text = Face(letters.size(_TEXT), ink(theme.ink))
+        self._faint = Face(letters.size(_TEXT), ink(theme.faint))
         self._has_words = self._height >= _LABELLED
-        self._lines: list[Line] = []
-        self._written: list[Line] = []
 
     def set_band(self, is_band: bool) -> int:
         """Let words stand in a band above the disk, or in the corners; return the
         height that they need above the disk [px]."""
-        self.is_band = is_band
-        self._lines = self._title_lines() if self._has_words else []
-        if not self._lines:
+        self._is_band = is_band
+        if not self._has_words:
             return 0
-        lines = self._lines
+        titles = self._titles()
+        self.lines = [*titles, *self._remarks()]
+        above = [line for line in titles if line.face.bold]
         if is_band:
-            for sample in self._samples:
-                lines = [*lines, *self._caption_lines(sample)]
-        else:
-            lines = [line for line in lines if line.bold]
-        return _even(max(line.baseline for line in lines) + 0.6 * self._text)
+            above = [*titles, *self._sample_lines()]
+        return _even(max(line.baseline for line in above) + 0.6 * self._text.size)
 
-    def boxes(self) -> list[tuple[float, float, float, float]]:
-        """Return left, right, top and bottom [px] of all words above the footer."""
-        lines = [*self._lines, *self._remarks()]
-        for sample in self._samples:
-            if self._has_words:
-                lines += self._caption_lines(sample)
-        return [line.box for line in lines]
+    def boxes(self) -> list[Box]:
+        """Return the boxes of all words above the footer."""
+        return [line.box for line in [*self.lines, *self._sample_lines()]]
 
     # ---- constant words
 
-    def _title_lines(self) -> list[Line]:
+    def _titles(self) -> list[Line]:
         first, *others = self._title
         parts = "    ".join(others).split("    ")
-        if self.is_band:
+        if self._is_band:
             parts = ["    ".join([*parts, *self.painter.remarks])]
         elif self.painter.has_elastic_wall:
             parts += self.painter.remarks
-        column = self._column()
-        room = self._width - column - 2.0 * self._margin
-        words = [(line, True) for line in _wrapped(first, self._first, True, room)]
+        boxes = [line.box for line in self._sample_lines()]
+        column = max((right - left for left, right, _, _ in boxes), default=0.0)
+        margin = self._letters.margin
+        room = self._width - column - 2.0 * margin
+        words = _wrapped(first, self._first, room)
         for part in parts:
-            words += [(line, False) for line in _wrapped(part, self._text, False, room)]
-        lines: list[Line] = []
-        baseline = self._margin + 0.85 * self._first
-        most = math.inf
-        if self.is_band:
-            most = _MOST * self._height
-        for text, bold in words:
-            size = self._first if bold else self._text
-            colour = self._ink if bold else self._faint
-            if bold and lines:
-                baseline += 1.2 * self._first
-            elif lines and lines[-1].bold:
-                baseline += 1.3 * self._heading
-            elif lines:
-                baseline += 1.4 * self._text
-            if baseline < most:
-                lines.append(Line(text, size, colour, self._margin, baseline, bold))
+            words += _wrapped(part, self._faint, room)
+        lines = self._stacked(words, margin, ends=False)
+        if self._is_band:
+            return [line for line in lines if line.baseline < _MOST * self._height]
         return lines
 
     def _remarks(self) -> list[Line]:
         """Return the line above the edge of a rigid wall."""
-        text = "    ".join(self.painter.remarks)
-        if self.is_band or self.painter.has_elastic_wall or not self._has_words:
+        if self._is_band or self.painter.has_elastic_wall:
             return []
-        small = self.letters.small
-        baseline = self._height - footer(self.letters, self._height) - 0.85 * small
-        return [Line(text, small, self._faint, self._margin, baseline)]
+        text = "    ".join(self.painter.remarks)
+        face = Face(self._letters.small, self._faint.ink)
+        baseline = self._height - footer(self._letters, self._height) - 0.85 * face.size
+        return [Line(text, face, self._letters.margin, baseline)]
 
     # ---- the changing words
 
-    def _column(self) -> float:
-        """Return the width of the changing words [px]."""
-        boxes = [line.box for one in self._samples for line in self._caption_lines(one)]
-        return max((right - left for left, right, _, _ in boxes), default=0.0)
-
-    def _caption_lines(self, caption: Caption) -> list[Line]:
-        right = self._width - self._margin
-        lines: list[Line] = []
-
-        def add(text: str, size: float, ink: Ink, bold: bool = False) -> None:
-            baseline = self._margin + 0.85 * self._heading
-            if lines:
-                gap = 1.3 * max(size, self._heading if lines[-1].bold else self._text)
-                baseline = lines[-1].baseline + gap
-            lines.append(Line(text, size, ink, right, baseline, bold, ends=True))
-
-        add(caption.time, self._text, self._ink)
+    def caption_lines(self, caption: Caption) -> list[Line]:
+        """Return the changing words of a picture, at the upper right."""
+        if not self._has_words:
+            return []
+        words = [(caption.time, self._text)]
         if caption.motion:
-            add(caption.motion, self._heading, self._velocity, True)
-        for text in (*caption.others, *caption.note.split()):
-            add(text, self._text, self._ink)
+            words.append((caption.motion, self._motion))
+        words += [(text, self._text) for text in caption.others]
+        words += [(text, self._text) for text in caption.note.split()]
         if caption.result:
-            add(caption.result, self._heading, self._ink, True)
+            words.append((caption.result, self._result))
+        return self._stacked(words, self._width - self._letters.margin, ends=True)
+
+    def _sample_lines(self) -> list[Line]:
+        return list(chain.from_iterable(map(self.caption_lines, self._samples)))
+
+    def _stacked(
+        self, words: Sequence[tuple[str, Face]], x: float, ends: bool
+    ) -> list[Line]:
+        """Return lines one below the other, from or to the column `x`."""
+        lines: list[Line] = []
+        highest = max(self._result.size, words[0][1].size)
+        baseline = self._letters.margin + 0.85 * highest
+        for text, face in words:
+            if lines:
+                baseline += _LEADING * max(face.size, lines[-1].face.size)
+            lines.append(Line(text, face, x, baseline, ends))
         return lines
-
-    # ---- pictures
-
-    def still(self) -> NDArray[np.uint8]:
-        """Return the picture (height, width, 3) of the words that do not change."""
-        image = Image.new("RGB", (self._width, self._height), self._ground)
-        draw = ImageDraw.Draw(image)
-        for line in [*self._lines, *self._remarks()]:
-            line.draw(draw)
-        return np.array(image)
-
-    def constant_boxes(self) -> list[tuple[slice, slice]]:
-        """Return rows and columns of the words that do not change."""
-        return [line.pixels for line in [*self._lines, *self._remarks()]]
-
-    def erase(self, picture: NDArray[np.uint8]) -> None:
-        """Erase the last caption from `picture` (height, width, 3)."""
-        for line in self._written:
-            picture[line.pixels] = self._ground
-        self._written = []
-
-    def write(self, picture: NDArray[np.uint8], caption: Caption) -> None:
-        if self._has_words:
-            self._written = self._caption_lines(caption)
-        for line in self._written:
-            line.write(picture)
 
 
 def footer(letters: Letters, height: int) -> int:
@@ -292,23 +255,23 @@ def footer(letters: Letters, height: int) -> int:
     return _even((BAR_BELOW + BAR_HEIGHT) * letters.unit + 3.9 * letters.small)
 
 
-def _wrapped(line: str, size: float, bold: bool, room: float) -> list[str]:
+def _wrapped(line: str, face: Face, room: float) -> list[tuple[str, Face]]:
     """Break a line of parts, which four spaces separate, where it exceeds `room` [px];
     between words only if a part is too long."""
     lines = [""]
     for part in line.split("    "):
         words = [part]
-        if text_width(part, size, bold) > room:
+        if face.width(part) > room:
             words = part.split(" ")
         gap = "    "
         for word in words:
             longer = f"{lines[-1]}{gap}{word}" if lines[-1] else word
-            if lines[-1] and text_width(longer, size, bold) > room:
+            if lines[-1] and face.width(longer) > room:
                 lines.append(word)
             else:
                 lines[-1] = longer
             gap = " "
-    return lines
+    return [(text, face) for text in lines]
 
 
 def _even(pixels: float) -> int:

@@ -21,15 +21,13 @@ Run = Outcome
 
 MOMENTS = {"greatest": "greatest compression", "contact": "first contact", "end": ""}
 # fractions of a film: still pictures at the start, at the greatest compression and at
-# the end; the flights before and after the contact. The rest shows the contact.
+# the end
 _START = 0.035
 _PAUSE = 0.05
 _END = 0.15
-_FLIGHT_IN = 0.07
-_FLIGHT_OUT = 0.08
 _AROUND_CONTACT = 0.06  # shown in slow motion, too; over the duration of the contact
-# fraction of a flight's pictures in which the pace changes
-_CHANGE = 0.35
+_FLIGHT = 0.12  # film time of a flight over that of the contact
+_CHANGE = 0.2  # fraction of a flight in which the pace changes
 # samples of the pace of a whole film; a film of a part of the run keeps this pace
 _PACE_TIMES = 1000
 # a pace up to this factor above the slowest is called slow motion
@@ -39,13 +37,11 @@ _NEAR_PEAK = 0.01  # relative distance of times that count as the same moment
 
 @dataclass(frozen=True)
 class Cue:
-    """A picture: its time [R/c], a remark, the pace of the film in words, and whether
-    the result is shown."""
+    """A picture: its time [R/c], a remark, and the pace of the film in words."""
 
     t: float
     note: str = ""
     pace: tuple[str, ...] = ()
-    has_result: bool = False
 
 
 @dataclass(frozen=True)
@@ -112,23 +108,15 @@ def film_times(
     if not longest.scenario.is_thrown:
         return longest.scenario.frame_times(longest.columns, pictures)
     first, second = _slow_interval(whole, runs)
-    moving = 1.0 - _START - _PAUSE - _END
-    slow = round(pictures * (moving - _FLIGHT_IN - _FLIGHT_OUT) / moving)
-    pace = (second - first) / max(slow, 1)
-    flights = [
-        _flight_times(length, min(round(pictures * part / moving), length / pace), pace)
-        for length, part in (
-            (first - whole[0], _FLIGHT_IN),
-            (whole[1] - second, _FLIGHT_OUT),
-        )
-    ]
-    contact = np.arange(1, slow) * pace + first
-    before = first - flights[0][::-1]
-    after = second + flights[1]
-    known = np.concatenate([before, contact, after])
-    # Short flights leave pictures to the contact.
-    places = np.linspace(0.0, len(known) - 1.0, pictures)
-    return np.interp(places, np.arange(len(known)), known)
+    t = np.linspace(*whole, _PACE_TIMES)
+    flight = np.where(t < first, first - whole[0], whole[1] - second)
+    away = np.maximum(np.maximum(first - t, t - second), 0.0)
+    part = np.minimum(away / np.maximum(_CHANGE * flight, 1e-9), 1.0)
+    # The pace, over the slowest, grows up to `fastest` evenly in the film's time, so
+    # its square does in the run's.
+    fastest = np.maximum((1.0 + _CHANGE) * flight / (_FLIGHT * (second - first)), 1.0)
+    number = np.cumsum(1.0 / np.sqrt(1.0 + part * (fastest**2 - 1.0)))
+    return np.interp(np.linspace(number[0], number[-1], pictures), number, t)
 
 
 def contact_of(run: Run) -> tuple[float, float]:
@@ -145,18 +133,6 @@ def _slow_interval(
     second = max(end for _, end in contacts)
     beside = _AROUND_CONTACT * (second - first)
     return max(first - beside, whole[0]), min(second + beside, whole[1])
-
-
-def _flight_times(duration: float, pictures: float, pace: float) -> Array:
-    """Return the times [R/c] since the contact of a flight's pictures, from 0 to
-    `duration`. The pace grows smoothly from `pace` [R/c per picture]."""
-    count = max(int(pictures), 1)
-    part = np.linspace(0.0, 1.0, count + 1)
-    change = np.clip(part / _CHANGE, 0.0, 1.0)
-    # integral of the smoothstep 3 s^2 - 2 s^3 up to the end of the change
-    grown = _CHANGE * (change**3 - 0.5 * change**4) + np.maximum(part - _CHANGE, 0.0)
-    even = min(count * pace, duration)
-    return np.asarray(even * part + (duration - even) * grown / grown[-1])
 
 
 def cues(
@@ -185,61 +161,40 @@ def cues(
             f" {last:.6g} R/c"
         )
     peak = greatest_compression(columns)
-    has_end = last >= columns["t"][-1]
-    holds = _holds(count, first == flights[0], first <= peak <= last, has_end)
-    moving = count - sum(holds)
-    if (first, last) == flights:
-        times = film_times(flights, runs, longest, moving)
-    else:  # keep the pace of the whole film
-        every = film_times(flights, runs, longest, _PACE_TIMES)
-        number = np.arange(_PACE_TIMES)
-        begin, stop = np.interp([first, last], every, number)
-        times = np.interp(np.linspace(begin, stop, moving), number, every)
-    return _held(times, peak, holds, _pace_words(longest, times, fps))
-
-
-def _holds(
-    count: int, has_start: bool, has_peak: bool, has_end: bool
-) -> tuple[int, int, int]:
-    """Return the numbers of pictures that repeat the first, the greatest compression
-    and the last."""
-    start = round(_START * count) if has_start else 0
-    pause = round(_PAUSE * count) if has_peak else 0
-    end = max(round(_END * count), 1) if has_end else 0
-    return start, pause, end
-
-
-def _held(
-    times: Array, peak: float, holds: tuple[int, int, int], paces: list[tuple[str, ...]]
-) -> list[Cue]:
-    start, pause, end = holds
+    # The first picture is repeated, and those of the peak and of the end.
+    start = round(_START * count) if first == flights[0] else 0
+    pause = round(_PAUSE * count) if first <= peak <= last else 0
+    end = max(round(_END * count), 1) if last >= columns["t"][-1] else 0
+    moving = count - start - pause - end
+    every = film_times(flights, runs, longest, _PACE_TIMES)
+    number = np.arange(_PACE_TIMES)
+    # A part of a film keeps the pace of the whole.
+    begin, stop = np.interp([first, last], every, number)
+    times = np.interp(np.linspace(begin, stop, moving), number, every)
+    paces = _pace_words(longest, times, fps)
     greatest = int(np.abs(times - peak).argmin())
-    if pause and greatest == len(times) - 1:
-        end += pause
-        pause = 0
-    elif pause and greatest > 0:
+    if pause and 0 < greatest < moving - 1:
         times[greatest] = peak
-    moving = [Cue(t, pace=pace) for t, pace in zip(times.tolist(), paces, strict=True)]
-    still = Cue(float(times[greatest]), MOMENTS["greatest"])
-    result = Cue(float(times[-1]), has_result=True)
-    return [
-        *(start * moving[:1]),
-        *moving[: greatest + 1],
-        *(pause * [still]),
-        *moving[greatest + 1 :],
-        *(end * [result]),
-    ]
+    repeats = np.zeros(moving, dtype=int)
+    repeats[0] += start
+    repeats[greatest] += pause
+    repeats[-1] += end
+    found = []
+    for t, pace, repeated in zip(times.tolist(), paces, repeats, strict=True):
+        note = MOMENTS["greatest"] if t == peak else ""
+        found.append(Cue(t, pace=pace))
+        found += [Cue(t, note)] * repeated
+    return found
 
 
 def _pace_words(run: Run, times: Array, fps: int) -> list[tuple[str, ...]]:
     if not run.scenario.pace:
         return [() for _ in times]
-    paces = fps * np.diff(times, append=2.0 * times[-1] - times[-2])
-    slowest = paces.min()
     words = []
+    paces = fps * np.diff(times, append=2.0 * times[-1] - times[-2])
     for pace in paces:
         lines = [run.scenario.pace.format(float(f"{pace:.2g}"))]
-        if pace <= _SLOW * slowest:
+        if pace <= _SLOW * paces.min():
             lines.append("slow motion")
         words.append(tuple(lines))
     return words
@@ -247,7 +202,7 @@ def _pace_words(run: Run, times: Array, fps: int) -> list[tuple[str, ...]]:
 
 def still_cue(run: Run, span: Span) -> Cue:
     t = time_of(span.at, run.columns)
-    return Cue(t, MOMENTS.get(str(span.at), ""), has_result=span.at == "end")
+    return Cue(t, MOMENTS.get(str(span.at), ""))
 
 
 def captions(run: Run, cues: Sequence[Cue]) -> Iterator[Caption]:
@@ -260,6 +215,9 @@ def captions(run: Run, cues: Sequence[Cue]) -> Iterator[Caption]:
     }
     rows["t"] = np.array(times)
     result, _ = run.scenario.marks(columns)
+    result_time = float(columns["t"][-1])
+    if run.scenario.is_thrown:
+        _, result_time = contact_of(run)
     for k, cue in enumerate(cues):
         row = {name: float(values[k]) for name, values in rows.items()}
         time, *others = run.scenario.caption(row)
@@ -271,7 +229,7 @@ def captions(run: Run, cues: Sequence[Cue]) -> Iterator[Caption]:
             motion=others[0] if others else "",
             others=tuple(others[1:]),
             note=note,
-            result=result if cue.has_result else "",
+            result=result if cue.t >= result_time else "",
             pace=cue.pace,
         )
 

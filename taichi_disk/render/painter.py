@@ -15,7 +15,7 @@ from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Springs
 from taichi_disk.render import geometry
 from taichi_disk.render.geometry import ARROW, VELOCITY_ARROW, ArrowStyle, Camera
-from taichi_disk.render.palette import THEMES, colour_map, full_scale, map_kind
+from taichi_disk.render.palette import LEVELS, THEMES, colour_map, full_scale, map_kind
 
 Vertices = NDArray[np.float32]
 get_field_info = import_module(f"{ti.__name__}.ui.utils").get_field_info
@@ -49,9 +49,8 @@ class Painter:
     this with each state:
 
         painter = Painter(lattice, model.springs, model.wall)
-        painter.limit = painter.scale(painter.values(x, v))           # once, or
-        whenever the colour scale shall change painter.paint(window.get_canvas(),
-        camera, x, v)
+        painter.limit = painter.scale(painter.values(x, v))
+        painter.paint(window.get_canvas(), camera, x, v)
 
     `x` (n, 2) [R] and `v` (n, 2) [c] are in the lattice's order; all values must be
     finite.
@@ -132,17 +131,16 @@ class Painter:
     def normalised(self, values: Array) -> Array:
         """Return `values` as positions 0 to 1 in the colour map; for fringes, the
         fringe order."""
-        return np.asarray(
-            0.5 + 0.5 * values / self.limit if self.signed else values / self.limit
-        )
+        parts = values / self.limit
+        if self.signed:
+            parts = 0.5 + 0.5 * parts
+        return np.asarray(parts)
 
     def colours(self, normalised: Array) -> NDArray[np.float32]:
         if self.colour == "fringes":
             normalised = np.sin(np.pi * normalised) ** 2
-        table = self.map
-        return table[
-            (np.clip(normalised, 0.0, 1.0) * (len(table) - 1) + 0.5).astype(np.intp)
-        ]
+        levels = np.clip(normalised, 0.0, 1.0) * (LEVELS - 1) + 0.5
+        return self.map[levels.astype(np.intp)]
 
     def mesh(
         self, x: Array, normalised: Array
@@ -158,15 +156,10 @@ class Painter:
             return x, normalised, corners
         parts = min(max(round(np.sqrt(_FRINGE_PARTS / max(len(corners), 1))), 1), 6)
         weights, cells = subdivision(parts)
-        each = (
-            len(weights) * np.arange(len(corners), dtype=np.int32)[:, None, None]
-            + cells
-        )
-        return (
-            (weights @ x[corners]).reshape(-1, 2),
-            (normalised[corners] @ weights.T).ravel(),
-            each.reshape(-1, 3),
-        )
+        first = len(weights) * np.arange(len(corners), dtype=np.int32)
+        points = (weights @ x[corners]).reshape(-1, 2)
+        values = (normalised[corners] @ weights.T).ravel()
+        return points, values, (first[:, None, None] + cells).reshape(-1, 3)
 
     # ---- drawing
 
@@ -347,19 +340,16 @@ class Painter:
         # Magnified displacements may move points into the wall, which would hide their
         # arrows.
         feet[:, 1] = np.maximum(feet[:, 1], np.interp(feet[:, 0], *chain.T) + self.edge)
-        if self._spacing > 0.8 * distance and self._spacing > self.wall.decay_length:
-            return feet, forces
         _, group = np.unique(np.floor(feet[:, 0] / distance), return_inverse=True)
-        count = np.bincount(group)
-        mean = [np.bincount(group, part) / count for part in (*feet.T, *forces.T)]
-        return np.stack(mean[:2], axis=1), np.stack(mean[2:], axis=1)
+        sums = [np.bincount(group, part) for part in (*feet.T, *forces.T)]
+        x, y, fx, fy = sums / np.bincount(group)
+        return np.stack([x, y], axis=1), np.stack([fx, fy], axis=1)
 
     def _of_springs(self, x: Array, v: Array, values: Array) -> Array:
         if QUANTITIES[self.colour].on != "springs":
             return np.asarray(values[self.lattice.bonds].mean(axis=1))
-        return self.normalised(
-            own_values(self.colour, self.triangles, self.springs, x, v)
-        )
+        own = own_values(self.colour, self.triangles, self.springs, x, v)
+        return self.normalised(own)
 
     def _lines(
         self,
@@ -401,10 +391,11 @@ def _darkness(corners: Array, ink: float, width: float) -> Array:
     adjacent triangles draw a line as heavy as a hard one of this width. `corners`:
     (t, 3, 2) [px].
     """
-    sides = np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1)
-    length = np.maximum(np.hypot(sides[..., 0], sides[..., 1]), 1e-9)
-    double_area = sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]
-    height = np.abs(double_area)[:, None] / length
+    opposite = np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1)
+    first, second, _ = np.moveaxis(opposite, 1, 0)
+    double_area = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+    length = np.maximum(np.hypot(opposite[..., 0], opposite[..., 1]), 1e-9)
+    height = double_area[:, None] / length
     darkness = np.full((len(corners), 3, 3), ink)
     corner = np.arange(3)
     darkness[:, corner, corner] = ink * (1.0 - height / width)
@@ -429,12 +420,12 @@ def subdivision(parts: int) -> tuple[Array, NDArray[np.int32]]:
     Points are weights (q, 3) of the corners, triangles are indices (parts^2, 3) of
     points.
     """
-    places = [(m, n) for m in range(parts + 1) for n in range(parts + 1 - m)]
-    number = {place: k for k, place in enumerate(places)}
-    upright = [[(m, n), (m + 1, n), (m, n + 1)] for m, n in places if m + n < parts]
-    turned = [
-        [(m + 1, n), (m + 1, n + 1), (m, n + 1)] for m, n in places if m + n < parts - 1
-    ]
-    u, w = np.array(places, dtype=float).T / parts
-    corners = [[number[place] for place in triangle] for triangle in upright + turned]
-    return np.column_stack([1.0 - u - w, u, w]), np.array(corners, dtype=np.int32)
+    edge = parts + 1
+    number = np.arange(edge**2)
+    m, n = np.divmod(number, edge)
+    upright = number[m + n < parts, None] + [0, edge, 1]
+    turned = number[m + n < parts - 1, None] + [edge, edge + 1, 1]
+    triangles = np.concatenate([upright, turned])
+    used, corners = np.unique(triangles, return_inverse=True)
+    weights = np.stack([parts - m - n, m, n], axis=1)[used] / parts
+    return weights, corners.reshape(triangles.shape).astype(np.int32)

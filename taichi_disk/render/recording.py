@@ -108,11 +108,9 @@ def _rigid_motion(run: Run) -> tuple[Array | None, float]:
     arms = lattice.positions[:n] - lattice.mean(lattice.positions)
     relative = velocities[:n] - velocity
     across = np.stack([-arms[:, 1], arms[:, 0]], axis=1)
-    spin = float((across * relative).sum() / (across**2).sum())
-    if abs(spin) * np.abs(across).max() <= _RIGID * np.abs(velocities).max():
-        spin = 0.0
-    rest = np.abs(relative - spin * across).max()
-    if rest > _RIGID * np.abs(velocities).max():
+    spin = round(float((across * relative).sum() / (across**2).sum()), 12)
+    deviation = np.abs(relative - spin * across).max()
+    if deviation > _RIGID * np.abs(velocities).max():
         return None, 0.0
     return velocity, spin
 

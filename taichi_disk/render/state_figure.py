@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, TriMesh
-from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
@@ -25,10 +24,10 @@ from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import THEMES
 from taichi_disk.render.recording import Flight, Recording
 
-_SPRING_WIDTH = 0.04  # in units of the median rest length
-_MAX_SPRING_WIDTH = 0.6  # [points]
+_SPRING_WIDTH = 0.3  # [points]
 _OUTLINE_WIDTH = 0.9  # [points]
 _SPRING_OPACITY = 0.25
+_LEVELS = 512  # colours of the bar
 
 
 def draw_state(
@@ -68,19 +67,46 @@ def _draw(ax: Axes, states: Recording, painter: Painter, x: Any, v: Any) -> None
     ax.set(xlim=(xmin, xmax), ylim=(ymin, ymax), aspect="equal", facecolor=theme.ground)
     ax.grid(visible=False)
     haze, solid = _wall(painter, x, (xmin, xmax, ymin, ymax))
-    values = painter.normalised(painter.values(x, v))
-    points, each, corners = painter.mesh(x, values)
-    ax.add_collection(_mesh(*haze, 1.0), autolim=False)
-    ax.add_collection(_mesh(points, painter.colours(each), 2.0, corners), autolim=False)
+    _add_mesh(ax, *haze, order=1.0)
+    _draw_field(ax, painter, x, v)
     if painter.colour != "fringes":
         springs = x[painter.lattice.bonds]
-        width = _spring_width(ax, painter, xmax - xmin)
-        _add_lines(ax, springs, theme.ink, width, 3.0, alpha=_SPRING_OPACITY)
+        _add_lines(ax, springs, theme.ink, _SPRING_WIDTH, 3.0, alpha=_SPRING_OPACITY)
     sides = np.concatenate([painter.triangles.outline, painter.triangles.interfaces])
     _add_lines(ax, x[sides], theme.ink, _OUTLINE_WIDTH, 4.0)
-    ax.add_collection(_mesh(*solid, 5.0), autolim=False)
-    _name_wall(ax, painter, xmin)
-    _add_scale(ax, painter)
+    _add_mesh(ax, *solid, order=5.0)
+    if not painter.has_elastic_wall:
+        _name_wall(ax, painter, xmin)
+
+
+def _draw_field(ax: Axes, painter: Painter, x: Any, v: Any) -> None:
+    """Draw the coloured quantity with its colour bar."""
+    values = painter.normalised(painter.values(x, v))
+    points, parts, corners = painter.mesh(x, values)
+    low = 0.0
+    high = painter.limit
+    extend = "max"
+    end = 1.0  # of the parts
+    if painter.signed:
+        low = -painter.limit
+        extend = "both"
+    if painter.colour == "fringes":
+        end = max(np.ceil(parts.max()), 1.0)
+        high = end  # the order of the last fringe
+        extend = "neither"
+    colours: Any = painter.colours(np.linspace(0.0, end, _LEVELS))
+    axes: Any = ax
+    field = axes.tripcolor(
+        Triangulation(points[:, 0], points[:, 1], corners),
+        low + (high - low) * parts / end,
+        shading="gouraud",
+        cmap=ListedColormap(colours),
+        vmin=low,
+        vmax=high,
+        zorder=2.0,
+    )
+    figure: Any = ax.figure
+    figure.colorbar(field, ax=ax, label=_label(painter), shrink=0.8, extend=extend)
 
 
 def _wall(painter: Painter, x: Any, view: View) -> tuple[Shape, Shape]:
@@ -96,11 +122,8 @@ def _wall(painter: Painter, x: Any, view: View) -> tuple[Shape, Shape]:
 
 def _name_wall(ax: Axes, painter: Painter, left: float) -> None:
     """Name the wall's drawn edge: its surface, y = 0, lies below."""
-    text = f"wall, a = {1.0 / painter.wall.decay_length:.4g}/R"
-    if painter.has_elastic_wall:
-        return
     ax.annotate(
-        text,
+        f"wall, a = {1.0 / painter.wall.decay_length:.4g}/R",
         (left, painter.edge),
         (4, -3),
         textcoords="offset points",
@@ -109,13 +132,6 @@ def _name_wall(ax: Axes, painter: Painter, left: float) -> None:
         color=THEMES[painter.theme].ink,
         zorder=6.0,
     )
-
-
-def _spring_width(ax: Axes, painter: Painter, across: float) -> float:
-    """Return the width of springs [points]."""
-    unit = 72.0 / ax.figure.dpi * ax.get_window_extent().width / across  # points per R
-    spacing = float(np.median(painter.lattice.rest_lengths))
-    return min(_MAX_SPRING_WIDTH, _SPRING_WIDTH * unit * spacing)
 
 
 def _add_lines(
@@ -127,30 +143,11 @@ def _add_lines(
     ax.add_collection(lines, autolim=False)
 
 
-def _add_scale(ax: Axes, painter: Painter) -> None:
-    extend = "both" if painter.signed else "max"
-    if painter.colour == "fringes":
-        extend = "neither"
-    figure: Any = ax.figure
-    figure.colorbar(
-        _scale(painter), ax=ax, label=_label(painter), shrink=0.8, extend=extend
-    )
-
-
-def _mesh(points: Any, colours: Any, order: float, corners: Any = None) -> TriMesh:
-    if corners is None:
-        corners = np.arange(len(points)).reshape(-1, 3)
+def _add_mesh(ax: Axes, points: Any, colours: Any, order: float) -> None:
+    corners = np.arange(len(points)).reshape(-1, 3)
     mesh = TriMesh(Triangulation(points[:, 0], points[:, 1], corners), zorder=order)
-    mesh.set_facecolor(list(map(tuple, colours.astype(float))))
-    return mesh
-
-
-def _scale(painter: Painter) -> ScalarMappable:
-    if painter.colour == "fringes":
-        colours = painter.colours(np.linspace(0.0, 1.0, 256))
-        return ScalarMappable(Normalize(0.0, 1.0), ListedColormap(colours))
-    least = -painter.limit if painter.signed else 0.0
-    return ScalarMappable(Normalize(least, painter.limit), ListedColormap(painter.map))
+    mesh.set_facecolor(list(map(tuple, colours)))
+    ax.add_collection(mesh, autolim=False)
 
 
 def _label(painter: Painter) -> str:

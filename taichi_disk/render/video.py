@@ -29,7 +29,7 @@ _OPTIONS = {
     # scene there is nothing to look ahead for.
     ".mp4": {
         "preset": "superfast",
-        "crf": "24.5",
+        "crf": "25",
         "bf": "0",
         "mbtree": "0",
         "rc-lookahead": "0",
@@ -163,21 +163,15 @@ def _gif(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[A
 
     yield append
     # GIF durations are multiples of 10 ms
-    ends = np.rint([*starts, 100.0 * next(numbers) / fps])
-    if len(starts) > 1 and ends[-1] - ends[-2] < 100.0 / _GIF_FPS:
-        ends = np.delete(ends, -2)
-        del packed[-1]
+    ends = np.rint([*starts, starts[-1] + 100.0 * step / fps])
     durations = [int(one) for one in 10.0 * np.diff(ends)]
     sampled = np.concatenate(
         [np.asarray(one) for one in unpacked(1 + len(packed) // _GIF_SAMPLES)]
     )
     palette = Image.fromarray(sampled).quantize(255, Image.Quantize.MAXCOVERAGE)
-    colours = sampled.reshape(-1, 3)[::7]
-    codes = colours @ np.array([65536, 256, 1])
-    # The background is exact, because a tinge would be seen.
-    ground = int(np.bincount(codes).argmax())
+    # The background, as in the corner, is exact, because a tinge would be seen.
     known = palette.getpalette() or []
-    known = [*known[: 3 * 255], ground >> 16, ground >> 8 & 255, ground & 255]
+    known = [*known[: 3 * 255], *sampled[0, 0].tolist()]
     palette.putpalette(known)
     first, *others = (
         one.quantize(palette=palette, dither=Image.Dither.NONE) for one in unpacked()

@@ -2,8 +2,7 @@
 each state.
 
 JSON cannot hold arrays: they are little-endian bytes in base64. `bundle` joins modules
-    for documents that cannot load
-any: a file opened from disk, a notebook.
+for documents that cannot load any: a file opened from disk, a notebook.
 """
 
 from __future__ import annotations
@@ -11,6 +10,7 @@ from __future__ import annotations
 import re
 from base64 import b64encode
 from collections.abc import Sequence
+from dataclasses import asdict
 from importlib.resources import files
 from itertools import product
 from typing import Any
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.config.sections import VideoSection
-from taichi_disk.fields import QUANTITIES, Quantity, Triangles, at_points, own_values
+from taichi_disk.fields import QUANTITIES, Triangles, at_points, own_values
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.render.geometry import edge_height
 from taichi_disk.render.palette import THEMES, Theme, colour_map, map_kind
@@ -55,64 +55,66 @@ def scene_message(
             determines the wall's drawn edge.
     """
     lattice = scenario.lattice
-    wall = scenario.model.wall
     video = video or scenario.scene.video
     triangles = Triangles(lattice)
     force = scenario.point_force if largest_force is None else largest_force
-    return {
+    indices = {
+        "triangles": triangles.triangles,
+        "springs": lattice.bonds,
+        "outline": lattice.disk_surface,
+        "edges": np.concatenate([triangles.outline, triangles.interfaces]),
+        "wall_surface": lattice.wall_surface,
+    }
+    message = {name: encoded(each, np.uint32) for name, each in indices.items()}
+    labels = _IMPACT_LABELS
+    unused: list[str] = []
+    if not scenario.is_thrown:
+        labels = _LOAD_LABELS
+        unused = ["hit", "slow", "arrow"]
+    return message | {
         "points": len(lattice.positions),
         "disk_points": lattice.disk_points,
-        "triangles": encoded(triangles.triangles, np.uint32),
-        "springs": encoded(lattice.bonds, np.uint32),
-        "outline": encoded(lattice.disk_surface, np.uint32),
-        "edges": encoded(
-            np.concatenate([triangles.outline, triangles.interfaces]), np.uint32
-        ),
         "rest": encoded(lattice.positions, np.float32),
-        "wall": _wall(lattice, wall, force),
-        "wall_surface": encoded(lattice.wall_surface, np.uint32),
+        "wall": _wall(lattice, scenario.model.wall, force),
         "spoke": scenario.spoke,
         "view": [float(one) for one in scenario.view],
-        "labels": _IMPACT_LABELS if scenario.is_thrown else _LOAD_LABELS,
-        "unused": [] if scenario.is_thrown else ["hit", "slow", "arrow"],
-        "options": {
-            "draw": video.draw,
-            "theme": video.theme,
-            "quantity": video.colour,
-            "magnify": 1.0 if video.magnify == "auto" else video.magnify,
-        },
-        "quantities": [
-            {
-                "name": name,
-                "label": _label(one),
-                "unit": one.unit,
-                "signed": one.signed,
-                "low": one.low,
-                "high": one.high,
-                "map": map_kind(name),
-            }
-            for name, one in QUANTITIES.items()
-        ],
+        "labels": labels,
+        "unused": unused,
+        "options": _options(video),
+        "quantities": [_quantity(name) for name in QUANTITIES],
         "maps": _maps(),
         "themes": {name: _colours(theme) for name, theme in THEMES.items()},
     }
 
 
-def _label(quantity: Quantity) -> str:
-    if quantity.on == "points":
-        return quantity.label
-    return f"{quantity.label} (averaged)"
+def _options(video: VideoSection) -> dict[str, Any]:
+    magnify = video.magnify
+    if magnify == "auto":
+        magnify = 1.0
+    return {
+        "draw": video.draw,
+        "theme": video.theme,
+        "quantity": video.colour,
+        "magnify": magnify,
+    }
+
+
+def _quantity(name: str) -> dict[str, Any]:
+    kind = QUANTITIES[name]
+    label = kind.label
+    if kind.on != "points":
+        label += " (averaged)"
+    return asdict(kind) | {"name": name, "label": label, "map": map_kind(name)}
 
 
 def _maps() -> dict[str, str]:
     """Return each theme's colour maps, 128 colours in RGB, by theme and kind; "bare"
     for a disk without springs."""
     maps = {}
-    kinds = {map_kind(name) for name in QUANTITIES}
-    for theme, kind in product(THEMES, kinds):
-        for bare, ending in ((False, ""), (True, " bare")):
-            colours = np.rint(255.0 * colour_map(theme, kind, bare)[::2])
-            maps[f"{theme} {kind}{ending}"] = encoded(colours, np.uint8)
+    kinds = sorted({map_kind(name) for name in QUANTITIES})
+    for theme, kind, bare in product(THEMES, kinds, ("", " bare")):
+        colours = np.rint(255.0 * colour_map(theme, kind, bool(bare))[::2])
+        maps[f"{theme} {kind}{bare}"] = encoded(colours, np.uint8)
     return maps
 
 
@@ -161,10 +163,10 @@ def colour_values(
         of_springs: whether to return a spring quantity's values (m,) on the springs,
             for a drawing of springs alone.
     """
-    own = of_springs and QUANTITIES[quantity].on == "springs"
-    return (own_values if own else at_points)(
-        quantity, triangles, springs, x, v
-    ).astype(np.float32)
+    values = at_points
+    if of_springs and QUANTITIES[quantity].on == "springs":
+        values = own_values
+    return values(quantity, triangles, springs, x, v).astype(np.float32)
 
 
 def contact_forces(

@@ -1,14 +1,13 @@
 // Plays the states that `taichi_disk/web/film.py` packed into this document.
 
 import { Controls } from "./controls.js";
-import { Drawing, bytes, centroid, decoded } from "./draw.js";
+import { Drawing, bytes, decoded } from "./draw.js";
 import { followPointers } from "./gestures.js";
 import { checked, element, elements } from "./html.js";
 import { arrow, line } from "./legend.js";
 
 const VELOCITY_ARROW = 0.7; // length of the arrow of the speed before an impact [R]
 const SLOW = 0.02; // a smaller part of that speed has no arrow
-const PANELS = ["velocity of the centre", "wall force", "energy"];
 const COMING = { light: "#b8b8b7", dark: "#54575e" }; // colours of curves still to come
 const NARROW = matchMedia("(max-width: 599px)"); // compared disks stand one above the other
 
@@ -16,9 +15,9 @@ const NARROW = matchMedia("(max-width: 599px)"); // compared disks stand one abo
 class Recording {
   constructor(run, data) {
     const array = (name, Kind) => new Kind(data, ...run.arrays[name]);
-    const { points, disk_points } = run.scene;
+    const { points } = run.scene;
     this.run = run;
-    for (const name of ["motion", "forces", "centres", "velocities"]) {
+    for (const name of ["forces", "centres", "velocities"]) {
       this[name] = array(name, Float32Array);
     }
     // Numbers are differences from the state before; all low bytes of displacements come before
@@ -37,20 +36,21 @@ class Recording {
       this.codes[name] = codes;
     }
     this.rest = decoded(run.scene.rest, Float32Array);
-    this.centre = centroid(this.rest, disk_points);
     this.x = new Float32Array(2 * points);
     this.values = new Float32Array(points);
   }
 
   // Return the state at a place in the list of states; between two states it is interpolated.
   state(place, quantity) {
-    const { run, x } = this;
+    const { run, rest, displacements, x } = this;
     const k = Math.min(Math.floor(place), run.states - 1);
     const next = Math.min(k + 1, run.states - 1);
     const part = place - k;
     const mixed = (array, width, i) =>
       (1 - part) * array[k * width + i] + part * array[next * width + i];
-    this.move(mixed);
+    for (let i = 0; i < x.length; i++) {
+      x[i] = rest[i] + run.unit * mixed(displacements, x.length, i);
+    }
     this.colour(mixed, quantity);
     const now = [0, 1].map((i) => mixed(this.centres, 2, i));
     const past = (_, n) => this.centres.subarray(2 * n, 2 * n + 2);
@@ -65,26 +65,6 @@ class Recording {
       row: { com_x: now[0], com_y: now[1] },
       velocity: [0, 1].map((i) => mixed(this.velocities, 2, i) / (run.full_speed || 1)),
     };
-  }
-
-  // Set the positions `x`.
-  move(mixed) {
-    const { run, rest, centre, displacements, x } = this;
-    const { points, disk_points } = run.scene;
-    const cx = mixed(this.motion, 3, 0);
-    const cy = mixed(this.motion, 3, 1);
-    const angle = mixed(this.motion, 3, 2);
-    const cos = Math.cos(angle);
-    const sin = Math.sin(angle);
-    for (let i = 0; i < 2 * points; i++) {
-      x[i] = rest[i] + run.unit * mixed(displacements, 2 * points, i);
-    }
-    for (let i = 0; i < 2 * disk_points; i += 2) {
-      const dx = x[i] - centre[0];
-      const dy = x[i + 1] - centre[1];
-      x[i] = cx + cos * dx - sin * dy;
-      x[i + 1] = cy + sin * dx + cos * dy;
-    }
   }
 
   // Set the values of the coloured quantity.
@@ -124,12 +104,18 @@ class Pane extends Drawing {
 
 // Curves of the velocity, the force and the energies, grey where they are still to come.
 class Curves {
-  constructor(canvas, curves) {
+  constructor(canvas, names, { titles, curves }) {
     this.canvas = canvas;
-    this.panels = PANELS.map((title, k) => ({
+    canvas.ariaLabel = `${titles.join(", ")} over time`;
+    this.panels = titles.map((title, k) => ({
       title,
       curves: curves.filter(({ panel }) => panel === k),
     }));
+    for (const { name, colours } of curves.filter((one) => one.name)) {
+      const [light, dark] = colours;
+      const style = `color: light-dark(${light}, ${dark})`;
+      names.append(element("span", { style }, name), " ");
+    }
   }
 
   draw(place, theme, colours) {
@@ -159,10 +145,10 @@ class Curves {
     const row = (value) => top + 22 + ((high - value) / (high - low || 1)) * (height - 30);
     ctx.font = "12px system-ui, sans-serif";
     ctx.fillStyle = colours.ink;
-    ctx.fillText(title, left, top + 13);
-    let end = left + ctx.measureText(title).width + 10;
+    const isShort = ctx.measureText(title).width < width;
+    ctx.fillText(isShort ? title : title.split(" ")[0], left, top + 13);
     line(ctx, [[left, row(0)], [left + width, row(0)]], colours.rule, 1);
-    for (const { name, values, colours: inks, run } of curves) {
+    for (const { values, colours: inks, run } of curves) {
       const points = values.map((value, k) => [column(k), row(value)]);
       const ink = inks[Number(isDark)];
       const dash = run ? [5, 3] : [];
@@ -170,9 +156,6 @@ class Curves {
       const next = Math.floor(place) + 1;
       line(ctx, points.slice(next - 1), COMING[theme], 1.6, dash);
       line(ctx, [...points.slice(0, next), now], ink, 2, dash);
-      ctx.fillStyle = ink;
-      if (end + ctx.measureText(name).width < left + width) ctx.fillText(name, end, top + 13);
-      end += ctx.measureText(name).width + 8;
     }
     line(ctx, [[column(place), top + 20], [column(place), top + height - 6]], colours.faint, 1);
   }
@@ -201,7 +184,7 @@ async function play() {
   const { scene } = runs[0];
   const last = cues.length - 1;
   const settings = { ...scene.options, speed: 1 };
-  const curves = new Curves(ui.curves, head.curves);
+  const curves = new Curves(ui.curves, ui.names, head);
   const velocityColours = head.curves[0].colours;
   let place = 0;
   let before = 0;
@@ -248,17 +231,17 @@ async function play() {
     for (const { drawing, caption, run, recording } of panes) {
       const state = recording.state(at, settings.quantity);
       const hasArrow = run.full_speed && ui.velocity.checked;
-      drawing.set({ arrow: hasArrow ? state.velocity : null });
-      drawing.draw(state);
       const factor = Number(settings.magnify.toPrecision(2));
       const magnified = factor > 1 ? `displacements × ${factor}` : "";
       const lines = [...run.captions[Math.round(place)], magnified];
       const shown = lines.map(captionLine);
       // pace and magnification, for which small comparisons have no room
       shown.slice(-2).forEach((line) => line.classList.add("scales"));
-      caption.replaceChildren(...shown);
+      caption.replaceChildren(...shown); // first, because it may change the canvas's height
+      drawing.set({ arrow: hasArrow ? state.velocity : null });
+      drawing.draw(state);
     }
-    curves.draw(place, settings.theme, scene.themes[settings.theme]);
+    curves.draw(at, settings.theme, scene.themes[settings.theme]);
     ui.moment.value = place;
     ui.moment.ariaValueText = runs[0].captions[Math.round(place)].join(", ");
   }

@@ -7,7 +7,7 @@ import json
 import zlib
 from base64 import b64encode
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 from string import Template
@@ -22,11 +22,11 @@ from taichi_disk.lattice import Array
 from taichi_disk.output.artist import Artist
 from taichi_disk.output.files import write_text
 from taichi_disk.output.panel import ON_DARK
-from taichi_disk.output.plot import curves
+from taichi_disk.output.plot import axis_labels, curves
 from taichi_disk.progress import Progress
 from taichi_disk.render import film as pictures
 from taichi_disk.render.film import common_span, common_view
-from taichi_disk.render.geometry import View, magnification
+from taichi_disk.render.geometry import magnification
 from taichi_disk.render.moments import (
     MOMENTS,
     WHOLE,
@@ -42,7 +42,6 @@ from taichi_disk.render.moments import (
 )
 from taichi_disk.render.recording import Flight, Recording
 from taichi_disk.signals import raise_if_interrupted
-from taichi_disk.statics.equilibrium import roll_angle, turned
 from taichi_disk.web.drawing import (
     DRAWING,
     bundle,
@@ -115,7 +114,7 @@ def _packed(
     magnify = magnification(video.magnify, max(one.flattest for one in states))
     video = replace(video, magnify=magnify)
     common = {
-        "view": _page_view(common_view([one.view(1.0) for one in states])),
+        "view": [*common_view([one.view(1.0) for one in states])],
         "full_force": max(one.full_force for one in states),
     }
     limits = {name: max(one.limits[name] for one in states) for name in QUANTITIES}
@@ -123,26 +122,21 @@ def _packed(
     runs = []
     for k, (one, title) in enumerate(zip(states, names, strict=True)):
         progress("render", k, len(states))
-        recorded = _recorded(one)
-        arrays, scales = recorded.arrays(limits)
+        arrays, facts = _recorded(one, limits)
         places = {}
         for name, array in arrays.items():
             data += bytes(-len(data) % 4)
             places[name] = len(data), array.size
             data += array.tobytes()
-        scenario = one.run.scenario
-        message = scene_message(scenario, video, largest_force=one.largest_force)
-        counts = [len(each) for each in recorded.forces]
+        scene = scene_message(one.run.scenario, video, largest_force=one.largest_force)
         runs.append(
             {
-                "scene": message | common | {"title": list(title)},
+                "scene": scene | common | {"title": list(title)},
                 "states": len(one.times),
-                "unit": recorded.unit,
-                "first": np.cumsum([0, *counts]).tolist(),
-                "limits": scales,
                 "captions": [_words(each) for each in captions(one.run, shots)],
                 "full_speed": one.full_speed,
                 "arrays": places,
+                **facts,
             }
         )
     times = [cue.t for cue in shots]
@@ -150,18 +144,14 @@ def _packed(
         "fps": rate,
         "cues": np.searchsorted(states[0].times, times).tolist(),
         "marks": _marks(states[0].run, times),
-        "curves": _curves(states, times),
+        "titles": _titles(states[0].run),
+        "curves": _curves(states),
         "runs": runs,
     }
     text = json.dumps(head).encode()
     text += b" " * (-len(text) % 4)
     length = np.array([len(text)], "<u4").tobytes()
     return zlib.compress(length + text + data, 9)
-
-
-def _page_view(view: View) -> list[float]:
-    xmin, xmax, ymin, ymax = view
-    return [xmin, xmax, ymin, ymax]
 
 
 def _words(caption: Caption) -> list[str]:
@@ -186,16 +176,22 @@ def _marks(run: Run, times: Sequence[float]) -> list[list[Any]]:
     return marks
 
 
-def _curves(states: Sequence[Recording], times: Sequence[float]) -> list[Any]:
-    """Return the curves of the runs at the times of the cues: panel, name, colours on a
-    light and a dark ground, values."""
+def _titles(run: Run) -> list[str]:
+    """Return the titles of the curves' panels, without units."""
+    labels = axis_labels(run.scenario, run.columns)
+    return [label.split("  ")[0] for label in labels]
+
+
+def _curves(states: Sequence[Recording]) -> list[dict[str, Any]]:
+    """Return the curves of the runs at the times of the states: panel, name, colours on
+    a light and a dark ground, values."""
     found = []
     for number, one in enumerate(states):
         columns = one.run.columns
         for curve in curves(one.run.scenario, columns):
             if number and curve.panel == 2:
                 continue  # the energies of several runs would hide each other
-            values = np.interp(times, columns["t"], curve.values)
+            values = np.interp(one.times, columns["t"], curve.values)
             found.append(
                 {
                     "panel": curve.panel,
@@ -208,99 +204,55 @@ def _curves(states: Sequence[Recording], times: Sequence[float]) -> list[Any]:
     return found
 
 
-@dataclass
-class _Recorded:
-    """States of one run.
+def _recorded(
+    states: Recording, limits: dict[str, float]
+) -> tuple[dict[str, Array], dict[str, Any]]:
+    """Return the arrays to pack, by name, and what the page has to know about them.
 
-    Attributes:
-        motion: (T, 3) mean position of the disk's points [R] and angle [rad] by which
-            the disk is turned.
-        displacements: (T, n, 2) of the points without that motion, in the axes of the
-            unloaded disk [R].
-        forces: the `contact_forces` of each state.
-        values: (T, n) values of each quantity at the points.
-        centres: (T, 2) centres of mass [R].
-        velocities: (T, 2) of the centres of mass [c].
+    centres and velocities (T, 2) belong to the centre of mass [R], [c]; forces are the
+    `contact_forces` of the states, one after the other. Integers hold changes between
+    states: displacements, with all low bytes before the high ones, and each quantity.
     """
-
-    motion: Array
-    displacements: Array
-    forces: list[NDArray[np.float32]]
-    values: dict[str, NDArray[np.float32]]
-    centres: Array
-    velocities: Array
-
-    @property
-    def unit(self) -> float:
-        """Resolution of the stored displacements [R]."""
-        return max(float(np.abs(self.displacements).max()), 1e-9) / _LEVELS
-
-    def arrays(
-        self, limits: dict[str, float]
-    ) -> tuple[dict[str, Array], dict[str, Any]]:
-        """Return the arrays to pack, by name, and the scale of each quantity; integers
-        hold changes between states."""
-        levels: Any = np.rint(self.displacements / self.unit).astype(np.int16)
-        steps = _differences(levels).astype("<i2").view(np.uint8)
-        found = {
-            "motion": self.motion.astype("<f4"),
-            "centres": self.centres.astype("<f4"),
-            "velocities": self.velocities.astype("<f4"),
-            "forces": np.concatenate(self.forces).astype("<f4"),
-            "displacements": np.stack([steps[..., k::2] for k in (0, 1)]),
-        }
-        scales = {}
-        for name, kind in QUANTITIES.items():
-            full = limits[name]
-            if name == "fringes":
-                full = float(self.values[name].max())
-            part = self.values[name] / max(full, 1e-300)
-            codes = _AMOUNT * np.clip(part, 0.0, 1.0)
-            if kind.signed:
-                codes = _SIGNED * (1.0 + np.clip(part, -1.0, 1.0))
-            found[name] = _differences(np.rint(codes).astype(np.uint8))
-            scales[name] = {"limit": limits[name], "range": full, "signed": kind.signed}
-        return found, scales
-
-
-def _recorded(states: Recording) -> _Recorded:
     scenario = states.run.scenario
     lattice = scenario.lattice
     springs = scenario.model.springs
-    wall = scenario.model.wall
     triangles = Triangles(lattice)
-    n = lattice.disk_points
-    rest = lattice.positions
-    motion = []
-    displacements = []
+    moved = []
     forces = []
     centres = []
     velocities = []
     values: dict[str, list[NDArray[np.float32]]] = {name: [] for name in QUANTITIES}
     for _, x, v in states.moments():
         raise_if_interrupted()
-        centre = x[:n].mean(axis=0)
-        angle = roll_angle(rest[:n], x[:n])
-        moved = x - rest
-        unloaded = rest[:n] - rest[:n].mean(axis=0)
-        moved[:n] = turned(x[:n], -angle) - centre - unloaded
-        motion.append([*centre, angle])
-        displacements.append(moved)
-        forces.append(contact_forces(wall, lattice, springs, x, v))
+        moved.append(x - lattice.positions)
+        forces.append(contact_forces(scenario.model.wall, lattice, springs, x, v))
         centres.append(lattice.mean(x))
         velocities.append(lattice.mean(v))
         for name, each in values.items():
             each.append(colour_values(name, triangles, springs, x, v))
-    moves = np.array(motion)
-    moves[:, 2] = np.unwrap(moves[:, 2])
-    return _Recorded(
-        motion=moves,
-        displacements=np.array(displacements),
-        forces=forces,
-        values={name: np.array(each) for name, each in values.items()},
-        centres=np.array(centres),
-        velocities=np.array(velocities),
-    )
+    unit = max(float(np.abs(moved).max()), 1e-9) / _LEVELS
+    levels = np.rint(np.array(moved) / unit).astype("<i2")
+    steps = _differences(levels).view(np.uint8)
+    arrays = {
+        "centres": np.array(centres, dtype="<f4"),
+        "velocities": np.array(velocities, dtype="<f4"),
+        "forces": np.concatenate(forces).astype("<f4"),
+        "displacements": np.stack([steps[..., 0::2], steps[..., 1::2]]),
+    }
+    scales = {}
+    for name, kind in QUANTITIES.items():
+        limit = limits[name]
+        full = limit
+        if name == "fringes":  # one fringe, of several
+            full = float(np.max(values[name]))
+        part = np.array(values[name]) / max(full, 1e-300)
+        codes = _AMOUNT * np.clip(part, 0.0, 1.0)
+        if kind.signed:
+            codes = _SIGNED * (1.0 + np.clip(part, -1.0, 1.0))
+        arrays[name] = _differences(np.rint(codes).astype(np.uint8))
+        scales[name] = {"limit": limit, "range": full, "signed": kind.signed}
+    first = np.cumsum([0, *map(len, forces)]).tolist()
+    return arrays, {"unit": unit, "first": first, "limits": scales}
 
 
 def _differences(states: Array) -> Array:

@@ -9,12 +9,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from bodies import RIGID, to_pixels
+from PIL import Image, ImageDraw
 
 from taichi_disk.lattice import disk_lattice
 from taichi_disk.physics import ExponentialWall, Springs
 from taichi_disk.render import palette, scales
 from taichi_disk.render.geometry import ArrowStyle, Camera, arrows, edge_height
-from taichi_disk.render.legend import LEAST, Legend, Letters, Line, footer
+from taichi_disk.render.legend import LEAST, Legend, Letters, footer
 from taichi_disk.render.moments import Caption
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import LEVELS, THEMES, colour_map
@@ -124,7 +125,7 @@ def test_compression_is_blue_and_what_rests_stands_out_from_the_ground(theme):
 @pytest.mark.parametrize(
     "value", [0.0123, 0.0577, 9.2, 2.3e-5, 0.14, 1e-12, 0.3, 999.9999999999999]
 )
-def test_scales_end_at_round_numbers_with_even_ticks(value):
+def test_scales_end_at_round_numbers(value):
     limit = palette.round_near(value)
     assert 1 / 1.25 < limit / value < 1.25
     below = scales.round_below(value)
@@ -143,13 +144,6 @@ def test_scales_end_at_round_numbers_with_even_ticks(value):
         "6",
         "8",
     )
-    for signed in (True, False):
-        ticks = scales.ticks_to(limit, signed)
-        assert ticks[-1] == pytest.approx(limit) and ticks[0] == pytest.approx(
-            -limit if signed else 0.0
-        )
-        assert np.allclose(np.diff(ticks), ticks[-1] - ticks[-2]) and 0.0 in ticks
-        assert all(len(scales.label(tick)) <= 8 for tick in ticks)
 
 
 def test_numbers_are_written_as_in_print():
@@ -263,8 +257,15 @@ def still(painter, size=720):
     letters = Letters(size / 720)
     block = Legend(painter, (size, size), letters, ("A", "B"), [Caption("t")])
     block.set_band(False)
-    below = scales.Scales(painter, (size, footer(letters, size)), letters)
-    return block.still(), below.still(250.0 * size / 720)
+    words = Image.new("RGB", (size, size), "white")
+    for line in block.lines:
+        line.draw(ImageDraw.Draw(words), 0.0, 0.0)
+    area = size, footer(letters, size)
+    below = Image.new("RGB", area)
+    scales.Scales(painter, area, letters, 250.0 * size / 720).draw(
+        ImageDraw.Draw(below), 0.0
+    )
+    return np.asarray(words), np.asarray(below)
 
 
 # ---- text
@@ -298,11 +299,6 @@ def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, is_ba
     assert letters.small >= LEAST
     room = size - header - below
     assert room > 0.4 * size  # the disk is still visible
-    pixels = block.still()
-    block.write(pixels, caption)
-    written = pixels.copy()
-    block.erase(pixels)
-    assert (pixels == block.still()).all() and (written != pixels).any()
 
 
 def test_words_of_a_hall_are_larger_by_the_user_s_factor():
@@ -313,19 +309,18 @@ def test_words_of_a_hall_are_larger_by_the_user_s_factor():
 @pytest.mark.parametrize("colour", ["pressure", "shear"])
 @pytest.mark.parametrize("factor", [1.0, 1.5])
 @pytest.mark.parametrize("size", [240, 360, 720])
-def test_words_of_the_scales_do_not_overlap(size, factor, colour, monkeypatch):
-    drawn = []
-    monkeypatch.setattr(Line, "draw", lambda line, _: drawn.append(line))
-    monkeypatch.setattr(Line, "write", lambda line, _: drawn.append(line))
+def test_words_of_the_scales_do_not_overlap(size, factor, colour):
     letters = Letters(size / 720, factor)
     arrows = painter(colour=colour, limit=0.015)
     pace = ("1 s = 5.3 R/c", "slow motion")
     area = size, footer(letters, size)
-    below = scales.Scales(arrows, area, letters, {pace, pace[:1]})
-    below.write(below.still(80.0 * size / 720), pace)
+    below = scales.Scales(arrows, area, letters, 80.0 * size / 720, {pace, pace[:1]})
+    drawn = [*below.lines, *below.pace_lines(pace)]
     texts = [line.text for line in drawn]
     assert "1 s = 5.3 R/c" in texts
     assert "≥ 1.5" in texts or "≥ +1.5" in texts
+    is_large = size == 720 and factor == 1.0
+    assert not is_large or {"slow motion", "force on a point"} < set(texts)
     assert ("stretched" in texts) == (colour == "pressure")
     for k, line in enumerate(drawn):
         left, right, _, _ = line.box
@@ -339,8 +334,8 @@ def test_words_of_the_scales_do_not_overlap(size, factor, colour, monkeypatch):
 @pytest.mark.parametrize("colour", ["pressure", "shear"])
 def test_the_colour_bar_shows_the_map(colour):
     coloured_painter = painter(colour=colour, theme="dark")
-    bar = np.rint(255 * coloured_painter.colours(np.linspace(0.0, 1.0, 280))).astype(
+    bar = np.rint(255 * coloured_painter.colours(np.linspace(0.0, 1.0, 245))).astype(
         np.uint8
     )
     _, below = still(coloured_painter)
-    assert any(np.array_equal(row[220:500], bar) for row in below)
+    assert any(np.array_equal(row[237:482], bar) for row in below)
