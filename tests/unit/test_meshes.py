@@ -96,7 +96,7 @@ def test_points_without_triangles_and_on_sides_are_left_out_with_a_note(tmp_path
         (
             np.column_stack([DISK.positions, DISK.positions[:, 0]]),
             ("triangle", DISK.triangles),
-            "the mesh is not flat: z runs from -",
+            "the mesh is not flat: its corners extend over 1.99333 along z",
         ),
         (
             solid(DISK.positions),
