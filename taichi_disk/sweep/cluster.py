@@ -26,7 +26,7 @@ def dask_executor(address: str, say: Callable[[str], None]) -> Iterator[Executor
             f"Dask needs the package distributed: {install_extra('cluster')}"
         ) from None
     # The sweep reports lost connections itself.
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     try:
         with ThreadPoolExecutor(1) as thread:  # avoids the event loop of a notebook
             identity = thread.submit(asyncio.run, _identity(address)).result()
