@@ -112,15 +112,11 @@ def _refuse_overlap(corners: Long, x: Array) -> None:
         start * len(x) + end, return_index=True, return_inverse=True
     )
     for side in np.setdiff1d(np.arange(len(start)), first):
-        earlier = first[number[side]] // 3
-        later = side // 3
-        what = f"{_shown_triangle(corners, later)}, and triangle {earlier}"
-        if set(corners[earlier]) == set(corners[later]):
-            raise InputError(f"{what} are the same: give each triangle once")
-        ends = f"points {start[side]} and {end[side]}"
+        earlier = _shown_triangle(corners, first[number[side]] // 3)
+        later = _shown_triangle(corners, side // 3)
         raise InputError(
-            f"{what}, {corners[earlier].tolist()}, overlap: they lie on the same side"
-            f" of the line between {ends}"
+            f"{later}, and {earlier}, overlap: they lie on the same side of the line"
+            f" between points {start[side]} and {end[side]}"
         )
 
 
@@ -163,12 +159,9 @@ def left_out(x: Array, used: Long) -> str:
     ones."""
     unused = np.setdiff1d(np.arange(len(x)), used)
     k = unused[0]
-    point = f"point {k} at {shown_point(x[k])}"
-    if len(unused) == 1:
-        return f"{point} belongs to no triangle and was left out"
     return (
-        f"{len(unused):,} points that belong to no triangle were left out, the first"
-        f" is {point}"
+        f"{len(unused):,} of {len(x):,} points belong to no triangle and were left out,"
+        f" the first is point {k} at {shown_point(x[k])}"
     )
 
 

@@ -124,13 +124,11 @@ def _radius_fault(radius: float, low: float, high: float, body: str, rows: int) 
     between edge and rim, or ""."""
     if not radius or low <= radius <= high:
         return ""
-    bound = f"at most {high:.3g}"
-    if low > high:
-        bound = "0"
-    elif radius < low:
-        bound = f"at least {low:.3g}"
+    allowed = "0"
+    if low <= high:
+        allowed += f" or from {low:.3g} to {high:.3g}"
     return (
-        f"must be {bound} with {body}, not {radius:g}, because there must be at least"
+        f"must be {allowed} with {body}, not {radius:g}, because there must be at least"
         f" {MIN_EDGE} springs round its edge and {rows} from there to the rim: change"
         " the radius or increase lattice.points"
     )

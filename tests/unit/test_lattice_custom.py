@@ -436,7 +436,7 @@ def test_a_file_s_number_of_points_is_one_it_has(tmp_path, number):
         ({"points": GRID, "triangles": [[0, 0, 0]]}, "triangle 0, [0, 0, 0], is flat"),
         (
             {"points": GRID, "triangles": 3 * [[0, 1, 9], [1, 10, 9]]},
-            "triangle 2, [0, 1, 9], and triangle 0 are the same",
+            "triangle 2, [0, 1, 9], and triangle 0, [0, 1, 9], overlap",
         ),
         (
             {"points": GRID, "masses": changed(np.ones(81), 5, 1e300)},
