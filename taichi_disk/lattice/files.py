@@ -99,11 +99,11 @@ def disk_rows(arrays: Mapping[str, Any], n: int) -> dict[str, Any]:
         points = arrays[owner]
         of_disk = np.arange(len(points)) < n
         if owner != "positions":
-            of_disk = np.all(points < n, axis=-1)
+            of_disk = np.all(np.less(points, n), axis=-1)
         if np.shape(array)[:1] != of_disk.shape:
             raise InputError(
                 f"{name} has the shape {np.shape(array)}, which does not fit {owner} of"
                 f" the shape {np.shape(points)}"
             )
-        rows[name] = array[of_disk]
+        rows[name] = np.asarray(array)[of_disk]
     return rows

@@ -52,9 +52,8 @@ class Lattice:
     """Mass points and springs of the disk, followed by those of the elastic wall if
     there is one.
 
-    Indices refer to rows of `positions`. Real numbers are float64, indices int32.
-    Raises InputError for arrays of another shape or dtype, numbers that are not finite,
-    and indices out of range.
+    Indices refer to rows of `positions`. Real numbers are float64, indices int32. A run
+    validates a lattice that it is given, see `checked_disk`.
     """
 
     positions: Array  # (n, 2) unloaded [R], in coordinates of the body
@@ -75,33 +74,6 @@ class Lattice:
     stiffness: Array | None = None
     # what was changed when the points were read, for the user
     notes: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        n = np.size(self.masses)
-        m = np.size(self.rest_lengths)
-        t = np.size(self.triangles) // 3
-        # name, dtype, shape, and the numbers between which all values lie
-        forms: list[tuple[str, type, tuple[int, ...], float, float]] = [
-            ("positions", np.float64, (n, 2), -math.inf, math.inf),
-            ("masses", np.float64, (n,), 0, math.inf),
-            ("rest_lengths", np.float64, (m,), 0, math.inf),
-            ("bonds", np.int32, (m, 2), -1, n),
-            ("triangles", np.int32, (t, 3), -1, n),
-        ]
-        if self.stiffness is not None:
-            forms.append(("stiffness", np.float64, (m,), 0, math.inf))
-        for name, dtype, shape, low, high in forms:
-            array = getattr(self, name)
-            has_form = isinstance(array, np.ndarray) and array.dtype == dtype
-            has_form = has_form and array.shape == shape
-            _require(name, has_form, f"{np.dtype(dtype)} of shape {shape}")
-            is_inside = ((low < array) & (array < high)).all()
-            _require(name, is_inside, f"numbers above {low:g} and below {high:g}")
-        keys = self.bonds.astype(np.int64) @ [n, 1]
-        is_sorted = (np.diff(keys) > 0).all() and (np.diff(self.bonds) > 0).all()
-        _require("bonds", is_sorted, "pairs i < j of points, sorted, each pair once")
-        has_disk = self.disk_points in range(1, n + 1)
-        _require("disk_points", has_disk, f"a whole number from 1 to {n}")
 
     @property
     def whole(self) -> bool:
@@ -187,10 +159,13 @@ class Lattice:
     def _with_core(self, radius: float, stiffness: float, density: float) -> Lattice:
         # 1: inside the core, 0: on its edge, -1: outside
         place = np.sign(np.round(radius - _distance(self.positions), 9))
-        masses = _mean_on_edge(place, density)
+        masses = custom.masses_of(_mean_on_edge(place, density), len(place))
         of_springs = np.sign(place[self.bonds].sum(axis=1))
-        factors = _stiffness_or_none(_mean_on_edge(of_springs, stiffness))
-        return replace(self, masses=_scaled_masses(masses), stiffness=factors)
+        factors = _mean_on_edge(of_springs, stiffness)
+        factors = custom.of_springs(factors, len(factors), "stiffness")
+        return replace(
+            self, masses=_scaled_masses(masses), stiffness=_stiffness_or_none(factors)
+        )
 
     @classmethod
     def from_points(
@@ -260,13 +235,7 @@ class Lattice:
 
         lattice, order = _joined(x, bonds, corners)
         lattice = replace(lattice, masses=_scaled_masses(weights[order]), notes=notes)
-        if rest_lengths is not None:
-            lengths = _of_springs("rest_lengths", rest_lengths, bonds, order)
-            lattice = replace(lattice, rest_lengths=lengths)
-        if stiffness is not None:
-            factors = _of_springs("stiffness", stiffness, bonds, order)
-            lattice = replace(lattice, stiffness=_stiffness_or_none(factors))
-        return lattice
+        return _with_springs(lattice, order, bonds, rest_lengths, stiffness)
 
     @classmethod
     def read(cls, path: str | Path) -> Lattice:
@@ -294,7 +263,15 @@ class Lattice:
                 return replace(lattice, origin=path.name, notes=notes)
             data = read_arrays(path)
             if "unloaded" in data:
-                return checked_disk(_restored(data))
+                x = custom.point_array(data["unloaded"])
+                stored = disk_rows(data | {"positions": x}, len(x))
+                disk = cls(
+                    **stored,
+                    disk_points=len(x),
+                    disk_surface=_no_points(),
+                    origin=str(data["origin"]),
+                )
+                return checked_disk(disk)
             count = len(np.atleast_1d(data["positions"]))
             disk_points = points_of_disk(data, count)
             if disk_points < count:
@@ -303,25 +280,6 @@ class Lattice:
             others = {name: data.get(name) for name in names}
             lattice = cls.from_points(data["positions"], data.get("bonds"), **others)
             return replace(lattice, origin=path.name)
-
-
-def _restored(data: dict[str, Any]) -> Lattice:
-    """Return the disk that a run has stored, without its outline."""
-    x = custom.point_array(data["unloaded"])
-    return Lattice(
-        **disk_rows(data | {"positions": x}, len(x)),
-        disk_points=len(x),
-        disk_surface=_no_points(),
-        origin=str(data["origin"]),
-    )
-
-
-def _require(name: str, holds: Any, what: str) -> None:
-    if not holds:
-        raise InputError(
-            f"Lattice.{name} must be {what}: use Lattice.from_points, which builds a"
-            " valid lattice"
-        )
 
 
 def _distance(x: Array) -> Array:
@@ -341,8 +299,8 @@ def _scaled_masses(masses: Array) -> Array:
     return masses / math.fsum(masses)
 
 
-def _stiffness_or_none(factors: Array) -> Array | None:
-    if (factors == 1.0).all():
+def _stiffness_or_none(factors: Array | None) -> Array | None:
+    if factors is None or (factors == 1.0).all():
         return None
     return factors
 
@@ -353,35 +311,41 @@ def triangulate(points: Array) -> Lattice:
 
 
 def tiled(
-    points: Array, triangles: Long, bonds: Long | None = None
+    points: Array,
+    triangles: Long,
+    bonds: Long | None = None,
+    order: Long | None = None,
 ) -> tuple[Lattice, Long]:
     """Return a lattice of equal masses and unstretched springs, and `order`: its
     positions are points[order].
 
-    `bonds` (m, 2) default to the sides of `triangles` (t, 3). Reverse Cuthill-McKee
-    numbering from the leftmost point keeps memory accesses local. The outline begins at
-    its lowest index. Raises SimulationError if the triangles do not tile the interior
-    of the outline, or if a point belongs to no triangle.
+    `bonds` (m, 2) default to the sides of `triangles` (t, 3), `order` to reverse
+    Cuthill-McKee numbering from the leftmost point, which keeps memory accesses local.
+    The outline begins at its lowest index. Raises SimulationError if the triangles do
+    not tile the interior of the outline, or if a point belongs to no triangle.
     """
     n = len(points)
     outline = outline_of(points, triangles)
     if bonds is None:
         side, first, _ = distinct_sides(triangles, n)
         bonds = side[first]
-    leftmost = int(np.argmin(points[:, 0]))
-    order = reverse_cuthill_mckee(bonds, n, leftmost)
+    if order is None:
+        leftmost = int(np.argmin(points[:, 0]))
+        order = reverse_cuthill_mckee(bonds, n, leftmost)
     rank = np.argsort(order)
     bonds = np.sort(rank[bonds], axis=1)
     i, j = bonds.T
     bonds = bonds[np.argsort(i * n + j)]
     x = points[order]
+    surface = rank[outline]
+    surface = np.roll(surface, -int(np.argmin(surface)))
     lattice = Lattice(
         positions=x,
         bonds=bonds.astype(np.int32),
         rest_lengths=bond_lengths(x, bonds),
         masses=np.full(n, 1.0 / n),
         disk_points=n,
-        disk_surface=from_lowest(rank[outline]),
+        disk_surface=surface.astype(np.int32),
         triangles=rank[triangles].astype(np.int32),
     )
     return lattice, order
@@ -399,10 +363,6 @@ def outline_of(points: Array, triangles: Long) -> Long:
     # Each hole has a clockwise chain.
     rings = chains(side[first[count == 1]])
     rings.sort(key=lambda ring: -polygon_area(points[ring]))
-    if not rings:  # there are no triangles, or each is given twice
-        raise SimulationError(
-            "the triangulation has no outline: choose another lattice seed"
-        )
     ring_areas = [polygon_area(points[ring]) for ring in rings]
     holes = ring_areas[1:]
     are_open = all(hole < -1e-9 * area for hole in holes)
@@ -416,11 +376,6 @@ def outline_of(points: Array, triangles: Long) -> Long:
     return rings[0]
 
 
-def from_lowest(ring: Long) -> Indices:
-    """Rotate a closed chain of points so that it begins with the lowest index."""
-    return np.roll(ring, -int(np.argmin(ring))).astype(np.int32)
-
-
 def _joined(
     x: Array, bonds: Long | None, triangles: Long | None
 ) -> tuple[Lattice, Long]:
@@ -432,30 +387,41 @@ def _joined(
     return _meshed(x)
 
 
-def _of_springs(name: str, values: Any, bonds: Long | None, order: Long) -> Array:
-    """Return `values` (m,) of the user's `bonds` in the order of the lattice's springs,
-    whose points are points[order]."""
-    if bonds is None:
-        raise InputError(
-            f"{name} without springs: give `springs` too, in the same order"
-        )
-    array = custom.of_springs(values, len(bonds), name)
-    rank = np.argsort(order)
-    keys = pair_keys(rank[bonds], len(order))
-    return array[np.argsort(keys)]
+def _with_springs(
+    lattice: Lattice, order: Long, bonds: Long | None, rest_lengths: Any, stiffness: Any
+) -> Lattice:
+    """Return `lattice`, whose points are points[order], with values (m,) of the user's
+    `bonds`, or as it is if they are None."""
+    arrays: dict[str, Any] = {}
+    for name, values in (("rest_lengths", rest_lengths), ("stiffness", stiffness)):
+        if values is None:
+            continue
+        if bonds is None:
+            raise InputError(
+                f"{name} without springs: give `springs` too, in the same order"
+            )
+        rank = np.argsort(order)
+        keys = pair_keys(rank[bonds], len(order))
+        array = custom.of_springs(values, len(bonds), name)
+        arrays[name] = array[np.argsort(keys)]
+    lattice = replace(lattice, **arrays)
+    return replace(lattice, stiffness=_stiffness_or_none(lattice.stiffness))
 
 
 def _first_in_one_piece(
-    x: Array, bonds: Long | None, *candidates: Long
+    x: Array, bonds: Long | None, *candidates: Long, order: Long | None = None
 ) -> tuple[Lattice, Long]:
     tiling = None
     for triangles in candidates:
         with suppress(SimulationError):
-            tiling = tiled(x, triangles, bonds)
+            tiling = tiled(x, triangles, bonds, order)
             if tiling[0].whole:
                 break
     if tiling is None:
-        raise _not_one_piece(x, candidates[-1])
+        raise InputError(
+            "the triangles of springs do not form one connected piece:"
+            f" {why_not_one_piece(x, candidates[-1])}"
+        )
     return tiling
 
 
@@ -503,31 +469,19 @@ def disk_of(lattice: Lattice) -> Lattice:
 
 
 def checked_disk(lattice: Lattice) -> Lattice:
-    """Return the disk of a lattice that a user made or stored, without its wall, and
-    with the outline of its triangles, counter-clockwise.
+    """Return the disk of a lattice that a user made or stored, without its wall, its
+    springs sorted and its triangles and outline counter-clockwise.
 
     Raises InputError unless its points, springs and triangles form such a body as
     `Lattice.from_points` makes.
     """
     disk = disk_of(lattice)
-    x = disk.positions
+    x = custom.point_array(disk.positions)
     custom.check_body(x, max_offset=1.0)
-    custom.masses_of(disk.masses, len(x))
-    custom.of_springs(disk.rest_lengths, len(disk.bonds), "rest_lengths")
-    if disk.stiffness is not None:
-        custom.of_springs(disk.stiffness, len(disk.bonds), "stiffness")
-    triangles = custom.checked_triangles(disk.triangles, x, disk.bonds)
-    try:
-        outline = outline_of(x, triangles)
-    except SimulationError:
-        raise _not_one_piece(x, triangles) from None
-    return replace(
-        disk, triangles=triangles.astype(np.int32), disk_surface=from_lowest(outline)
-    )
-
-
-def _not_one_piece(x: Array, triangles: Long) -> InputError:
-    return InputError(
-        "the triangles of springs do not form one connected piece:"
-        f" {why_not_one_piece(x, triangles)}"
-    )
+    masses = custom.masses_of(disk.masses, len(x))
+    bonds = custom.checked_springs(disk.bonds, len(x))
+    corners = custom.checked_triangles(disk.triangles, x, bonds)
+    same = np.arange(len(x))
+    checked, _ = _first_in_one_piece(x, bonds, corners, order=same)
+    checked = _with_springs(checked, same, bonds, disk.rest_lengths, disk.stiffness)
+    return replace(checked, masses=masses, origin=disk.origin, notes=disk.notes)
