@@ -62,29 +62,23 @@ def examine() -> bool:
             f"    For MP4, WebM, GIF and PNG, as root: {REMEDY}"
         )
         return True
-    remedy = REMEDY
-    if trouble.startswith(_CRASHED) and not _try_with_empty_cache():
-        remedy = f"the cache of kernels is damaged: delete the folder {cache_folder()}"
-    print(f"\nNot ready: {trouble}\n    {remedy}")
+    print(f"\nNot ready: {trouble}\n    {REMEDY}")
+    if trouble.startswith(_CRASHED):
+        print(
+            "    If that is done, the cache of kernels may be damaged: delete the"
+            f" folder {cache_folder()}"
+        )
     return False
 
 
-def _try_with_empty_cache() -> str:
-    with TemporaryDirectory() as folder:
-        trouble, _ = try_run({CACHE: folder})
-    return trouble
-
-
-def try_run(changes: dict[str, str] | None = None) -> tuple[str, bool]:
-    """Run and film a small scene, with `changes` of the environment. Return the last
-    line of its error output, or an empty string on success, and whether there is a
-    film."""
+def try_run() -> tuple[str, bool]:
+    """Run and film a small scene. Return the last line of its error output, or an empty
+    string on success, and whether there is a film."""
     with TemporaryDirectory() as folder:
         out = Path(folder, "run")
         try:
             done = subprocess.run(
                 python_command(_START, "run", "exponential_wall", f"--out={out}", *RUN),
-                env={**os.environ, **(changes or {})},
                 capture_output=True,
                 text=True,
                 errors="replace",

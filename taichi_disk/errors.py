@@ -6,7 +6,6 @@ from __future__ import annotations
 import difflib
 import os
 import sys
-import traceback
 from collections.abc import Iterable
 from typing import Any
 
@@ -85,16 +84,10 @@ def reason(error: BaseException) -> str:
 
 
 def system_message(error: OSError) -> str:
-    """Return the system's words with the file or, if the system names none, with the
-    function that failed."""
-    words = reason(error)
-    if error.filename is not None:
-        return f"{error.filename}: {words}"
-    calls = traceback.extract_tb(error.__traceback__)
-    if not calls or not _has_working_folder():
-        return words
-    module = os.path.splitext(os.path.basename(calls[-1].filename))[0]
-    return f"{words} (in {calls[-1].name} of {module})"
+    """Return the system's words with the file, if the system names one."""
+    if error.filename is None:
+        return reason(error)
+    return f"{error.filename}: {reason(error)}"
 
 
 def _has_working_folder() -> bool:

@@ -39,37 +39,26 @@ def cpu_quota(membership: Path, root: Path) -> float:
     this process is in; infinity if there is none.
 
     `membership`: file with the groups of the process; `root`: folder of all groups. See
-    cgroups(7).
+    cgroups(7), version 2.
     """
-    quota = inf
-    with suppress(OSError, ValueError):
+    quotas = []
+    with suppress(OSError):
         for line in membership.read_text().splitlines():
-            _, controllers, group = line.split(":", 2)
-            if not controllers:  # version 2
-                hierarchy = root
-            elif "cpu" in controllers.split(","):  # version 1
-                hierarchy = root / "cpu"
-            else:
-                continue
-            folder = Path(os.path.normpath(f"{hierarchy}/{group}"))
-            # A container sees its own group as `root`, but may have the host's path.
-            for one in (folder, *folder.parents):
-                if one.is_relative_to(hierarchy):
-                    quota = min(quota, _quota_of(one))
-    if quota == inf:
-        return inf
-    return ceil(quota)
+            if line.startswith("0::"):
+                group = Path(os.path.normpath(f"{root}/{line[3:]}"))
+                # A container sees its own group as `root`, but may have the host's
+                # path.
+                for folder in (group, *group.parents):
+                    if folder.is_relative_to(root):
+                        quotas.append(_quota_of(folder))
+    return min(quotas, default=inf)
 
 
 def _quota_of(group: Path) -> float:
-    # OSError if a file is missing, ValueError if version 2 says "max"
+    # OSError if the file is missing, ValueError if it says "max"
     with suppress(OSError, ValueError):
         quota, period = map(float, (group / "cpu.max").read_text().split())
-        return quota / period
-    with suppress(OSError, ValueError):
-        quota = float((group / "cpu.cfs_quota_us").read_text())
-        if quota > 0.0:  # -1 is no limit
-            return quota / float((group / "cpu.cfs_period_us").read_text())
+        return ceil(quota / period)
     return inf
 
 

@@ -64,7 +64,8 @@ def start(threads: int | None = None) -> None:
             if threads is not None:
                 _check_threads(ti, number)
             return
-        _check_architecture(ti)
+        # It would replace the CPU, and other processors lack double precision.
+        os.environ.pop("TI_ARCH", None)
         remove_stale_lock()
         try:
             # hides Taichi's banner, because stdout is for results
@@ -111,15 +112,6 @@ def _check_threads(ti: Any, number: int) -> None:
         raise InputError(
             f"threads: this process already computes with {current} threads and cannot"
             f" change to {number}: set the number in its first run, or in {THREADS}"
-        )
-
-
-def _check_architecture(ti: Any) -> None:
-    arch = os.environ.get("TI_ARCH")
-    if arch not in (None, ti._lib.core.arch_name(ti.cpu)):
-        raise InputError(
-            f"TI_ARCH={arch}: simulations need the CPU and double precision: unset"
-            " TI_ARCH"
         )
 
 

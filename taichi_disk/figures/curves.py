@@ -43,7 +43,6 @@ MATERIAL = {
     ("lattice", "min_spacing"),
     ("lattice", "file"),
 }
-
 EQUATIONS = {"eq5": "eq. (5)", "eq4": "eq. (4)"}
 PARAMETERS = {"eq5": "d₁ and d₂", "eq4": "τ₀"}
 LINES = {"eq5": "-", "eq4": ":"}
@@ -344,38 +343,20 @@ def _add_legend(figure: Plot, ax: Axes) -> None:
     )
 
 
-def _points(ax: Axes, curves: list[Curve]) -> list[Any]:
-    """Draw the mean and scatter over lattices of each curve against its speeds; return
-    the colours."""
+def _points(
+    ax: Axes,
+    curves: list[Curve],
+    place: Callable[[Curve], tuple[Array, Array]],
+    bars: str = "yerr",
+) -> list[Any]:
+    """Draw each curve at its `place`, x and y, with the scatter over lattices as
+    `bars`; return the colours."""
     styles = curve_styles(len(curves))
     for curve, style in zip(curves, styles, strict=True):
-        ax.errorbar(
-            curve.x,
-            curve.mean,
-            curve.deviation,
-            markersize=3.5,
-            linestyle="none",
-            label=curve_label(curve.label),
-            **style,
-        )
+        options = {**style, bars: curve.deviation, "label": curve_label(curve.label)}
+        ax.errorbar(*place(curve), markersize=3.5, linestyle="none", **options)
     explain_bars(ax, [curve.lattices for curve in curves])
     return [style["color"] for style in styles]
-
-
-def _pressed_points(ax: Axes, curves: list[Curve]) -> None:
-    """Draw the force of each curve against its mean compression, whose scatter over
-    lattices lies along x."""
-    for curve, style in zip(curves, curve_styles(len(curves)), strict=True):
-        ax.errorbar(
-            curve.mean,
-            _force(curve.x, curve),
-            xerr=curve.deviation,
-            markersize=4.0,
-            linestyle="none",
-            label=curve_label(curve.label),
-            **style,
-        )
-    explain_bars(ax, [curve.lattices for curve in curves])
 
 
 def _force(pressure: Array, curve: Curve) -> Array:
@@ -388,7 +369,7 @@ def _compression(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None
     ax.set_xlabel("compression  ξ/R")
     ax.set_ylabel("force  P/(π R E)")
     curves = [curve for curve in curves if np.isfinite(curve.young)]
-    _pressed_points(ax, curves)
+    _points(ax, curves, lambda c: (c.mean, _force(c.x, c)), bars="xerr")
     with_law = [curve for curve in curves if len(curve.x) > 1]
     if not with_law:
         return
@@ -418,7 +399,7 @@ def _impact(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None:
     """Draw figures 3 and 6: restitution against speed, with the laws of each curve."""
     ax.set_xlabel("impact speed  v/c")
     ax.set_ylabel("coefficient of restitution  e")
-    colours = _points(ax, curves)
+    colours = _points(ax, curves, lambda c: (c.x, c.mean))
     for curve, colour in zip(curves, colours, strict=True):
         for name, style in LINES.items():
             fit = curve.fits.get(name)

@@ -37,85 +37,50 @@ def result_figure(
     axis = names.get(target_of(base, x))
     if axis is None:
         raise InputError(f"x: {x} is not swept; there are {', '.join(axes)}")
-    done = [row for row in rows if row["status"] == "done" and _is_number(row.get(y))]
-    if not done:
-        raise InputError(
-            f"y: no row has a number {y}; there are {', '.join(_numeric(rows))}"
-        )
+    with_number = [row for row in rows if _is_number(row.get(y))]
+    if not with_number:
+        columns = [name for name, value in rows[0].items() if _is_number(value)]
+        raise InputError(f"y: no row has a number {y}; there are {', '.join(columns)}")
     seed = names.get(("lattice", "seed"))
     others = [name for name in axes if name not in (axis, seed)]
     with matplotlib_style({**STYLE, **FONT}):
-        return _figure(base, axis, others, done, y)
+        return _figure(base, axis, others, with_number, y)
 
 
 def _figure(
     base: Scene, axis: str, others: Sequence[str], rows: Sequence[Row], y: str
 ) -> Plot:
     """Draw column `y` of `rows` against `axis`, a curve for each value of `others`."""
+    rows = sorted(rows, key=lambda row: (not _is_number(row[axis]), row[axis]))
     curves = grouped(rows, others)
     figure, ax = drawing.one_plot(2.6 + 0.09 * len(curves))
     counts: set[int] = set()
     styles = drawing.curve_styles(len(curves))
     for style, (values, members) in zip(styles, curves.items(), strict=True):
-        places, means, deviations, lattices = _means(members, axis, y)
-        counts.update(lattices)
-        label = None
-        if others:
-            label = drawing.curve_label(dict(zip(others, values, strict=True)))
+        at_place: dict[Any, list[float]] = {}
+        for row in members:
+            at_place.setdefault(row[axis], []).append(row[y])
+        counts.update(len(numbers) for numbers in at_place.values())
         ax.errorbar(
-            places,
-            means,
-            deviations,
+            list(at_place),
+            [np.mean(numbers) for numbers in at_place.values()],
+            # 0 for a single lattice
+            [np.std(one, ddof=min(1, len(one) - 1)) for one in at_place.values()],
             linestyle="-",
             markersize=3.5,
-            label=label,
+            label=drawing.curve_label(dict(zip(others, values, strict=True))),
             **style,
         )
     drawing.explain_bars(ax, counts)
     if isinstance(rows[0][axis], float):
         drawing.log_if_wide(ax, np.array([row[axis] for row in rows]))
     _set_labels(ax, base, axis, y)
-    _, labels = ax.get_legend_handles_labels()
-    if labels:
-        figure.legend(loc="outside upper center", ncols=2)
+    figure.legend(loc="outside upper center", ncols=2)
     return drawing.to_change(figure)
-
-
-def _means(
-    rows: Sequence[Row], axis: str, y: str
-) -> tuple[list[Any], list[float], list[float], list[int]]:
-    """Return the places on `axis`, sorted if they are numbers, and at each of them the
-    mean of column `y` over lattices, its standard deviation (NaN for a single lattice),
-    and the number of lattices."""
-    at = {}
-    for (place,), group in grouped(rows, [axis]).items():
-        at[place] = [row[y] for row in group]
-    places = list(at)
-    if all(_is_number(place) for place in places):
-        places.sort()
-    means = [float(np.mean(at[place])) for place in places]
-    lattices = [len(at[place]) for place in places]
-    deviations = []
-    for place in places:
-        deviation = np.nan
-        if len(at[place]) > 1:
-            deviation = float(np.std(at[place], ddof=1))
-        deviations.append(deviation)
-    return places, means, deviations, lattices
 
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float))
-
-
-def _numeric(rows: Sequence[Row]) -> list[str]:
-    """Return the names of columns with numbers, in their order."""
-    names: dict[str, None] = {}
-    for row in rows:
-        for name, value in row.items():
-            if _is_number(value):
-                names[name] = None
-    return list(names)
 
 
 def _set_labels(ax: Axes, base: Scene, axis: str, y: str) -> None:

@@ -91,13 +91,15 @@ def fit_b(pressure: Array, xi: Array, young: float, poisson: float) -> Fit:
         b = least_squares(relative, np.ones_like(data), start)
         return np.maximum(b, 0.0)
 
-    best, intervals = _over_lattices(("b",), solve, len(xi))
-    law = paper_compression(pressure, young, poisson, best["b"])
+    def law(b: float) -> Array:
+        return paper_compression(pressure, young, poisson, b)
+
+    fit = _fit(("b",), solve, law, xi)
     each = solve(np.eye(len(xi)))[:, 0]
-    best["b_min"] = float(each.min())
-    best["b_median"] = float(np.median(each))
-    best["b_max"] = float(each.max())
-    return Fit(best, intervals, xi.mean(0) - law, _scatter(xi))
+    fit.values["b_min"] = float(each.min())
+    fit.values["b_median"] = float(np.median(each))
+    fit.values["b_max"] = float(each.max())
+    return fit
 
 
 def fit_restitution(velocity: Array, e: Array, d1_is_1: bool = False) -> Fit:
@@ -125,14 +127,14 @@ def fit_restitution(velocity: Array, e: Array, d1_is_1: bool = False) -> Fit:
         d2 = least_squares(lambda p: law(1.0, p), data, start[:, None])
         return np.concatenate([np.ones_like(d2), d2], axis=1)
 
-    names = ("d1", "d2")
-    if d1_is_1:
-        best, intervals = _over_lattices(names, solve_d2, len(e))
-        intervals.pop("d1", None)
-    else:
-        best, intervals = _over_lattices(names, solve, len(e))
-    fitted = paper_restitution(velocity, best["d1"], best["d2"])
-    return Fit(best, intervals, e.mean(0) - fitted, _scatter(e))
+    def fitted(d1: float, d2: float) -> Array:
+        return paper_restitution(velocity, d1, d2)
+
+    if not d1_is_1:
+        return _fit(("d1", "d2"), solve, fitted, e)
+    fit = _fit(("d1", "d2"), solve_d2, fitted, e)
+    fit.intervals.pop("d1", None)
+    return fit
 
 
 def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
@@ -149,9 +151,7 @@ def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
         start = grid[nearest][:, None]
         return unit * least_squares(lambda tau: predict(unit * tau[:, 0]), data, start)
 
-    best, intervals = _over_lattices(("tau0",), solve, len(e))
-    fitted = predict(np.array([best["tau0"]]))[0]
-    return Fit(best, intervals, e.mean(0) - fitted, _scatter(e))
+    return _fit(("tau0",), solve, lambda tau0: predict(np.array([tau0]))[0], e)
 
 
 @lru_cache(maxsize=4)  # shared by all curves of a figure
@@ -189,30 +189,26 @@ def _restitutions(velocity: Array, tau0: Array) -> Array:
     # both ends, where ln xi is steep.
     from scipy.integrate import solve_ivp
 
-    steepness = np.log(4.0 / velocity)
+    log_4_over_v = np.log(4.0 / velocity)
     first = np.arctan(tau0)
     span = np.pi - first
-    start = 0.5 * np.log1p(tau0**2) + 0.0 * steepness
+    start = 0.5 * np.log1p(tau0**2) + 0.0 * log_4_over_v
 
     def slope(t: float, log_r: Array) -> Array:
         """Return d(log r)/dt, where phi = first + span (10 t^3 - 15 t^4 + 6 t^5)."""
         phi = first + span * t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
-        s = np.sin(phi)
-        c = np.cos(phi)
-        depth = np.maximum(s - tau0 * c, 1e-300)  # xi/(v r)
-        g = np.pi / (steepness - np.log(depth) - log_r.reshape(start.shape))
-        gain = s * (c * (1.0 - g) - tau0 * g * s)
-        per_angle = gain / (c * c + g * s * depth)
-        return np.ravel(per_angle * span * 30.0 * (t * (1.0 - t)) ** 2)
+        phi_rate = span * 30.0 * (t * (1.0 - t)) ** 2
+        sin = np.sin(phi)
+        cos = np.cos(phi)
+        depth = np.maximum(sin - tau0 * cos, 1e-300)  # xi/(v r)
+        log_4_over_xi = log_4_over_v - np.log(depth) - log_r.reshape(start.shape)
+        stiffness = np.pi / log_4_over_xi
+        gain = sin * (cos * (1.0 - stiffness) - tau0 * stiffness * sin)
+        turning = cos * cos + stiffness * sin * depth
+        return np.ravel(gain / turning * phi_rate)
 
-    motion = solve_ivp(
-        slope,
-        (0.0, 1.0),
-        start.ravel(),
-        "DOP853",
-        rtol=IMPACT_TOLERANCE,
-        atol=IMPACT_TOLERANCE,
-    )
+    tolerances = {"rtol": IMPACT_TOLERANCE, "atol": IMPACT_TOLERANCE}
+    motion = solve_ivp(slope, (0.0, 1.0), start.ravel(), "DOP853", **tolerances)
     return np.exp(motion.y[:, -1]).reshape(start.shape)
 
 
@@ -225,18 +221,17 @@ def fit_curvature(x: Array, y: Array) -> Fit:
     halves = []
     for half in (slice(0, middle), slice(middle, None)):
         powers = np.vander(x[half] / top, 3)
-        halves.append((y[:, half], powers, np.linalg.pinv(powers)))
+        halves.append((half, powers, np.linalg.pinv(powers)))
 
     def solve(weights: Array) -> Array:
-        leading = [(weights @ data) @ inverse[0] for data, _, inverse in halves]
+        means = weights @ y
+        leading = [means[:, half] @ inverse[0] for half, _, inverse in halves]
         return np.stack(leading, axis=1) * 2.0 / top**2
 
-    best, intervals = _over_lattices(("slow_half", "fast_half"), solve, len(y))
-    residuals = []
-    for data, powers, inverse in halves:
-        mean = data.mean(0)
-        residuals.append(mean - powers @ (inverse @ mean))
-    return Fit(best, intervals, np.concatenate(residuals), _scatter(y))
+    mean = y.mean(0)
+    parabolas = [powers @ (inverse @ mean[half]) for half, powers, inverse in halves]
+    both = np.concatenate(parabolas)
+    return _fit(("slow_half", "fast_half"), solve, lambda *_: both, y)
 
 
 def least_squares(model: Prediction, data: Array, start: Array) -> Array:
@@ -257,33 +252,36 @@ def least_squares(model: Prediction, data: Array, start: Array) -> Array:
     return x
 
 
-def _scatter(y: Array) -> float:
-    """Return the root mean square over points of the standard deviation over lattices
-    of y (lattices, points), NaN for a single lattice."""
-    if len(y) < 2:
-        return np.nan
-    return float(np.sqrt(np.mean(y.var(0, ddof=1))))
-
-
-def _over_lattices(
-    names: tuple[str, ...], solve: Callable[[Array], Array], lattices: int
-) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
-    """Return parameters fitted to the mean over lattices, and their bootstrap
-    intervals, from reproducible resamples.
+def _fit(
+    names: tuple[str, ...],
+    solve: Callable[[Array], Array],
+    law: Callable[..., Array],
+    y: Array,
+) -> Fit:
+    """Return the fit of a law to y (lattices, points), with bootstrap intervals from
+    reproducible resamples.
 
     `solve` maps weights (k, lattices) of k means over lattices to parameters (k,
-    names).
+    names), and `law` maps parameters to values (points,).
     """
+    lattices = len(y)
     equal = np.full(lattices, 1.0 / lattices)
-    best = solve(equal[None])[0]
-    values = dict(zip(names, best.tolist(), strict=True))
-    if lattices < 2:
-        return values, {}
-    counts = np.random.default_rng(0).multinomial(lattices, equal, RESAMPLES)
-    fits = solve(counts / lattices)
-    low, high = np.nanquantile(fits, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0)
-    pairs = zip(low.tolist(), high.tolist(), strict=True)
-    return values, dict(zip(names, pairs, strict=True))
+    best = solve(equal[None])[0].tolist()
+    intervals = {}
+    scatter = np.nan
+    if lattices > 1:
+        counts = np.random.default_rng(0).multinomial(lattices, equal, RESAMPLES)
+        fits = solve(counts / lattices)
+        bounds = np.nanquantile(fits, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0)
+        for name, (low, high) in zip(names, bounds.T.tolist(), strict=True):
+            intervals[name] = (low, high)
+        scatter = float(np.sqrt(np.mean(y.var(0, ddof=1))))
+    return Fit(
+        values=dict(zip(names, best, strict=True)),
+        intervals=intervals,
+        residuals=y.mean(0) - law(*best),
+        scatter=scatter,
+    )
 
 
 def times(ratio: float) -> str:

@@ -27,10 +27,10 @@ MAX_OFFSET = 0.1  # largest distance of the points' mean from x = 0 [R]
 _MIN_DISTANCE = 1e-6
 # height over longest side of a user's triangle that cannot be told from a line
 _ROUNDING = 1e-14
-# minimum, maximum, largest ratio; beyond these, steps or sums are not finite
-MASSES = 1e-150, 1e150, 1e15
-STIFFNESS = (1e-12, 1e12)
-REST_LENGTHS = (1e-9, 1e3)
+# minimum and maximum; beyond these, steps or sums are not finite
+_MASSES = (1e-150, 1e150)
+_LIGHTEST = 1e-15  # smallest mass over the largest
+_OF_SPRINGS = {"stiffness": (1e-12, 1e12), "rest_lengths": (1e-9, 1e3)}
 
 
 def point_array(points: ArrayLike) -> Array:
@@ -38,7 +38,10 @@ def point_array(points: ArrayLike) -> Array:
     x = numbers(points, "points")
     if x.ndim != 2 or x.shape[1] != 2:
         raise InputError(f"points must be an array of shape (n, 2), not {x.shape}")
-    _check_count(len(x))
+    if not MIN_POINTS <= len(x) <= MAX_POINTS:
+        raise InputError(
+            f"a lattice has {MIN_POINTS} to {MAX_POINTS} points, not {len(x)}"
+        )
     for k in np.flatnonzero(~np.isfinite(x).all(axis=1)):
         raise InputError(f"point {k} is not finite")
     return x
@@ -50,7 +53,6 @@ def check_body(x: Array, max_offset: float = MAX_OFFSET) -> None:
     from scipy.spatial import cKDTree
 
     n = len(x)
-    _check_count(n)
     width, height = np.ptp(x, axis=0)
     if not _MIN_EXTENT <= max(width, height) <= MAX_EXTENT:
         size = f"the points extend over {width:.4g} x {height:.4g} R"
@@ -66,11 +68,6 @@ def check_body(x: Array, max_offset: float = MAX_OFFSET) -> None:
         )
     for i, j in sorted(cKDTree(x).query_pairs(_MIN_DISTANCE * hexagonal_spacing(n))):
         raise InputError(f"points {i} and {j} are the same, {shown_point(x[i])}")
-
-
-def _check_count(n: int) -> None:
-    if not MIN_POINTS <= n <= MAX_POINTS:
-        raise InputError(f"a lattice has {MIN_POINTS} to {MAX_POINTS} points, not {n}")
 
 
 def checked_springs(springs: ArrayLike, n: int) -> Long:
@@ -115,15 +112,11 @@ def _refuse_overlap(corners: Long, x: Array) -> None:
         start * len(x) + end, return_index=True, return_inverse=True
     )
     for side in np.setdiff1d(np.arange(len(start)), first):
-        earlier = first[number[side]] // 3
-        later = side // 3
-        what = f"{_shown_triangle(corners, later)}, and triangle {earlier}"
-        if set(corners[earlier]) == set(corners[later]):
-            raise InputError(f"{what} are the same: give each triangle once")
-        ends = f"points {start[side]} and {end[side]}"
+        earlier = _shown_triangle(corners, first[number[side]] // 3)
+        later = _shown_triangle(corners, side // 3)
         raise InputError(
-            f"{what}, {corners[earlier].tolist()}, overlap: they lie on the same side"
-            f" of the line between {ends}"
+            f"{later}, and {earlier}, overlap: they lie on the same side of the line"
+            f" between points {start[side]} and {end[side]}"
         )
 
 
@@ -161,59 +154,42 @@ def _checked_corners(values: ArrayLike, n: int, name: str, width: int) -> Long:
     return corners
 
 
-def used_points(n: int, triangles: Long, springs: Long | None) -> NDArray[np.bool_]:
-    """Return whether each of `n` points is the end of a spring or the corner of a
-    triangle."""
-    used = np.zeros(n, dtype=bool)
-    used[triangles] = True
-    if springs is not None:
-        used[springs] = True
-    return used
-
-
-def left_out(x: Array, used: NDArray[np.bool_]) -> str:
-    """Return a note about the points of `x` (n, 2) that are not `used` (n,)."""
-    unused = np.flatnonzero(~used)
+def left_out(x: Array, used: Long) -> str:
+    """Return a note about the points of `x` (n, 2) that are not among the `used`
+    ones."""
+    unused = np.setdiff1d(np.arange(len(x)), used)
     k = unused[0]
-    point = f"point {k} at {shown_point(x[k])}"
-    if len(unused) == 1:
-        return f"{point} belongs to no triangle and was left out"
     return (
-        f"{len(unused):,} points that belong to no triangle were left out, the first"
-        f" is {point}"
+        f"{len(unused):,} of {len(x):,} points belong to no triangle and were left out,"
+        f" the first is point {k} at {shown_point(x[k])}"
     )
 
 
-def column(values: ArrayLike, count: int, name: str) -> Array:
-    """Return `values` as an array (count,) of real numbers."""
+def masses_of(values: ArrayLike, points: int) -> Array:
+    """Return `values` as the masses (points,) of a body, in any unit."""
+    lightest, heaviest = _MASSES
+    array = _within(_column(values, points, "masses"), "masses", lightest, heaviest)
+    return _within(array, "masses", _LIGHTEST * array.max(), heaviest)
+
+
+def of_springs(values: ArrayLike, springs: int, name: str) -> Array:
+    """Return `values` as the rest lengths or stiffnesses (springs,) of springs."""
+    return _within(_column(values, springs, name), name, *_OF_SPRINGS[name])
+
+
+def _column(values: ArrayLike, count: int, name: str) -> Array:
     array = numbers(values, name)
     if array.shape != (count,):
         raise InputError(f"{name} must have the shape ({count},), not {array.shape}")
     return array
 
 
-def positive(
-    values: ArrayLike,
-    count: int,
-    name: str,
-    low: float,
-    high: float,
-    ratio: float = np.inf,
-) -> Array:
-    """Return `values` as an array (count,) of numbers from `low` to `high`, the
-    smallest at least 1/`ratio` of the largest."""
-    array = column(values, count, name)
-    for k in np.flatnonzero(~((low <= array) & (array <= high))):
+def _within(array: Array, name: str, low: float, high: float) -> Array:
+    is_allowed = (low <= array) & (array <= high)
+    for k in np.flatnonzero(~is_allowed):
         raise InputError(
             f"{name}[{k}] is {array[k]:g}: it must be a positive number, from {low:g}"
             f" to {high:g}"
-        )
-    smallest = int(array.argmin())
-    largest = array.max()
-    if largest > ratio * array[smallest]:
-        raise InputError(
-            f"{name}[{smallest}] is {array[smallest]:g}, less than {1 / ratio:g} of the"
-            f" largest, {largest:g}"
         )
     return array
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import zipfile
-import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,21 +17,16 @@ from taichi_disk.text_files import check_file, read_text
 
 # size limit of a file; a disk and a wall of 2,000,000 points each take 430,000,000
 MAX_BYTES = 500_000_000
-_ERRORS = (
-    InputError,
-    OSError,
-    ValueError,
-    TypeError,
-    LookupError,
-    OverflowError,
-    MemoryError,
-    # of a damaged zip file
-    RuntimeError,
-    EOFError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
 TABLES = (".csv", ".txt", ".tsv")
+# arrays of a lattice, and the array that says to which points their rows belong
+_OWNERS = {
+    "positions": "positions",
+    "masses": "positions",
+    "bonds": "bonds",
+    "rest_lengths": "bonds",
+    "stiffness": "bonds",
+    "triangles": "triangles",
+}
 
 
 @contextmanager
@@ -42,7 +36,7 @@ def reading(path: Path, key: str) -> Iterator[None]:
     try:
         check_file(path, MAX_BYTES)
         yield
-    except _ERRORS as error:
+    except Exception as error:  # a damaged file may cause any
         what = getattr(error, "strerror", None) or str(error)
         label = printable(str(path), width=1000)
         if not what.startswith(label):
@@ -94,36 +88,22 @@ def points_of_disk(data: Mapping[str, Any], points: int) -> int:
     return int(n)
 
 
-def rows_of_disk(data: Mapping[str, Any], n: int) -> dict[str, Any]:
-    """Return the rows of the first `n` points for each array of a file that belongs to
-    points, springs or triangles."""
-    for name, width in (("bonds", 2), ("triangles", 3)):
-        shape = np.shape(data.get(name, np.empty((0, width))))
-        if len(shape) != 2 or shape[1] != width:
-            raise InputError(f"{name} must have the shape (any, {width}), not {shape}")
-    for name in ("rest_lengths", "stiffness"):
-        if name in data:
-            springs = len(data["bonds"])
-            shape = np.shape(data[name])
-            if shape != (springs,):
-                raise InputError(
-                    f"{name} must have the shape ({springs},), as there are bonds, not"
-                    f" {shape}"
-                )
-    return _Arrays(disk_rows(data, n))
-
-
 def disk_rows(arrays: Mapping[str, Any], n: int) -> dict[str, Any]:
-    """Return the rows of the first `n` points for each of a lattice's `arrays` that is
-    not None."""
-    rows: dict[str, Any] = {"positions": slice(n), "masses": slice(n)}
-    if arrays.get("bonds") is not None:
-        of_disk = (arrays["bonds"] < n).all(axis=1)
-        rows |= {"bonds": of_disk, "rest_lengths": of_disk, "stiffness": of_disk}
-    if arrays.get("triangles") is not None:
-        rows["triangles"] = (arrays["triangles"] < n).all(axis=1)
-    return {
-        name: arrays[name][chosen]
-        for name, chosen in rows.items()
-        if arrays.get(name) is not None
-    }
+    """Return the rows of the first `n` points of those of a lattice's `arrays` that
+    belong to points, springs or triangles."""
+    rows = {}
+    for name, owner in _OWNERS.items():
+        array = arrays.get(name)
+        if array is None:
+            continue
+        points = arrays[owner]
+        of_disk = np.arange(len(points)) < n
+        if owner != "positions":
+            of_disk = np.all(np.less(points, n), axis=-1)
+        if np.shape(array)[:1] != of_disk.shape:
+            raise InputError(
+                f"{name} has the shape {np.shape(array)}, which does not fit {owner} of"
+                f" the shape {np.shape(points)}"
+            )
+        rows[name] = np.asarray(array)[of_disk]
+    return rows

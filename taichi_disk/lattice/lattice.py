@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice import custom
@@ -20,7 +19,6 @@ from taichi_disk.lattice.files import (
     points_of_disk,
     read_arrays,
     reading,
-    rows_of_disk,
 )
 from taichi_disk.lattice.meshes import read_mesh
 from taichi_disk.lattice.random_points import circle_points
@@ -44,7 +42,9 @@ from taichi_disk.lattice.triangles import (
     without_slivers,
 )
 
-IntegerT = TypeVar("IntegerT", bound=np.integer[Any])
+
+def _no_points() -> Indices:
+    return np.empty(0, np.int32)
 
 
 @dataclass(frozen=True)
@@ -52,9 +52,8 @@ class Lattice:
     """Mass points and springs of the disk, followed by those of the elastic wall if
     there is one.
 
-    Indices refer to rows of `positions`. Real numbers are float64, indices int32.
-    Raises InputError for arrays of another shape or dtype, numbers that are not finite,
-    and indices out of range.
+    Indices refer to rows of `positions`. Real numbers are float64, indices int32. A run
+    validates a lattice that it is given, see `checked_disk`.
     """
 
     positions: Array  # (n, 2) unloaded [R], in coordinates of the body
@@ -63,40 +62,18 @@ class Lattice:
     bonds: Indices
     rest_lengths: Array  # (m,) [R]
     masses: Array  # (n,) [M]; those of the disk add up to 1 M
+    triangles: Indices  # (t, 3), counter-clockwise, disk before wall
     disk_points: int  # number of points of the disk, which come first
     disk_surface: Indices  # outer outline of the disk, counter-clockwise
-    # elastic wall: top side, corners included, ordered by x (empty if none)
-    wall_surface: Indices
-    # elastic wall: left top corner -> bottom -> right top corner (empty if none)
-    wall_boundary: Indices
-    triangles: Indices  # (t, 3), counter-clockwise, disk before wall
+    # elastic wall: top side, corners included, ordered by x
+    wall_surface: Indices = field(default_factory=_no_points)
+    # elastic wall: left top corner -> bottom -> right top corner
+    wall_boundary: Indices = field(default_factory=_no_points)
     origin: str = "custom lattice"  # shown in titles
     # (m,) factors of k_a, k_b and eta of each spring; None: 1
     stiffness: Array | None = None
     # what was changed when the points were read, for the user
     notes: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        n = np.size(self.masses)
-        m = np.size(self.rest_lengths)
-        _require_reals("positions", self.positions, (n, 2), low=-math.inf)
-        _require_reals("masses", self.masses, (n,))
-        _require_reals("rest_lengths", self.rest_lengths, (m,))
-        if self.stiffness is not None:
-            _require_reals("stiffness", self.stiffness, (m,))
-        _require_indices("bonds", self.bonds, (m, 2), n)
-        triangles = np.size(self.triangles) // 3
-        _require_indices("triangles", self.triangles, (triangles, 3), n)
-        for name in ("disk_surface", "wall_surface", "wall_boundary"):
-            outline = getattr(self, name)
-            _require_indices(name, outline, (np.size(outline),), n)
-            is_simple = len(np.unique(outline)) == len(outline)
-            _require(name, is_simple, "a list of points, each of them once")
-        keys = self.bonds.astype(np.int64) @ [n, 1]
-        is_sorted = (np.diff(keys) > 0).all() and (np.diff(self.bonds) > 0).all()
-        _require("bonds", is_sorted, "pairs i < j of points, sorted, each pair once")
-        has_disk = self.disk_points in range(1, n + 1)
-        _require("disk_points", has_disk, f"a whole number from 1 to {n}")
 
     @property
     def whole(self) -> bool:
@@ -170,24 +147,24 @@ class Lattice:
             is_outside = _distance(x) > (1.0 + 1e-9) * hole
             triangles = triangles[is_outside[triangles].any(axis=1)]
             origin += f", hole {hole:g} R"
-        lattice = replace(triangulated(x, triangles), origin=origin)
+        lattice, _ = tiled(x, triangles)
         if core_radius:
-            return lattice._with_core(core_radius, core_stiffness, core_density)
-        return lattice
+            lattice = lattice._with_core(core_radius, core_stiffness, core_density)
+            origin += (
+                f", core {core_radius:g} R: k × {core_stiffness:g}, ρ ×"
+                f" {core_density:g}"
+            )
+        return replace(lattice, origin=origin)
 
     def _with_core(self, radius: float, stiffness: float, density: float) -> Lattice:
         # 1: inside the core, 0: on its edge, -1: outside
-        depth = np.round(radius - _distance(self.positions), 9)
-        of_points = np.sign(depth)
-        of_springs = np.sign(of_points[self.bonds].sum(axis=1))
-        masses = 0.5 * (1.0 + density + of_points * (density - 1.0))
-        factors = 0.5 * (1.0 + stiffness + of_springs * (stiffness - 1.0))
-        core = f"core {radius:g} R: k × {stiffness:g}, ρ × {density:g}"
+        place = np.sign(np.round(radius - _distance(self.positions), 9))
+        masses = custom.masses_of(_mean_on_edge(place, density), len(place))
+        of_springs = np.sign(place[self.bonds].sum(axis=1))
+        factors = _mean_on_edge(of_springs, stiffness)
+        factors = custom.of_springs(factors, len(factors), "stiffness")
         return replace(
-            self,
-            origin=f"{self.origin}, {core}",
-            masses=_scaled_masses(masses),
-            stiffness=_stiffness_or_none(factors),
+            self, masses=_scaled_masses(masses), stiffness=_stiffness_or_none(factors)
         )
 
     @classmethod
@@ -241,38 +218,24 @@ class Lattice:
         bonds = None
         if springs is not None:
             bonds = custom.checked_springs(springs, len(x))
+        weights: Array = np.ones(len(x))
+        if masses is not None:
+            weights = custom.masses_of(masses, len(x))
         corners = None
+        notes: tuple[str, ...] = ()
         if triangles is not None:
             corners = custom.checked_triangles(triangles, x, bonds)
-            used = custom.used_points(len(x), corners, bonds)
-            if not used.all():
-                number = np.cumsum(used) - 1
-                if bonds is not None:
-                    springs = number[bonds]
-                if masses is not None:
-                    masses = custom.column(masses, len(x), "masses")[used]
-                lattice = cls.from_points(
-                    x[used],
-                    springs,
-                    rest_lengths,
-                    triangles=number[corners],
-                    stiffness=stiffness,
-                    masses=masses,
-                )
-                return replace(lattice, notes=(custom.left_out(x, used),))
+            used = np.unique(corners)
+            if bonds is None and len(used) < len(x):
+                notes = (custom.left_out(x, used),)
+                corners = np.searchsorted(used, corners)
+                x = x[used]
+                weights = weights[used]
         custom.check_body(x)
 
         lattice, order = _joined(x, bonds, corners)
-        arrays: dict[str, Any] = {}
-        if masses is not None:
-            of_points = custom.positive(masses, len(x), "masses", *custom.MASSES)
-            arrays["masses"] = _scaled_masses(of_points[order])
-        for name, values in (("rest_lengths", rest_lengths), ("stiffness", stiffness)):
-            if values is not None:
-                arrays[name] = _of_springs(name, values, bonds, order)
-        if stiffness is not None:
-            arrays["stiffness"] = _stiffness_or_none(arrays["stiffness"])
-        return replace(lattice, **arrays)
+        lattice = replace(lattice, masses=_scaled_masses(weights[order]), notes=notes)
+        return _with_springs(lattice, order, bonds, rest_lengths, stiffness)
 
     @classmethod
     def read(cls, path: str | Path) -> Lattice:
@@ -294,78 +257,39 @@ class Lattice:
         suffix = path.suffix.lower()
         with reading(path, "file"):
             if suffix not in TABLES and suffix != ".npz":
-                mesh = read_mesh(path)
-                lattice = cls.from_points(mesh.points, triangles=mesh.triangles)
-                notes = mesh.notes + lattice.notes
+                points, triangles, notes = read_mesh(path)
+                lattice = cls.from_points(points, triangles=triangles)
+                notes += lattice.notes
                 return replace(lattice, origin=path.name, notes=notes)
             data = read_arrays(path)
             if "unloaded" in data:
-                return checked_disk(_restored(data))
-            points = len(np.atleast_1d(data["positions"]))
-            disk_points = points_of_disk(data, points)
-            if disk_points < points:
-                data |= rows_of_disk(data, disk_points)
-            lattice = cls.from_points(
-                data["positions"],
-                data.get("bonds"),
-                data.get("rest_lengths"),
-                triangles=data.get("triangles"),
-                stiffness=data.get("stiffness"),
-                masses=data.get("masses"),
-            )
+                x = custom.point_array(data["unloaded"])
+                stored = disk_rows(data | {"positions": x}, len(x))
+                disk = cls(
+                    **stored,
+                    disk_points=len(x),
+                    disk_surface=_no_points(),
+                    origin=str(data["origin"]),
+                )
+                return checked_disk(disk)
+            count = len(np.atleast_1d(data["positions"]))
+            disk_points = points_of_disk(data, count)
+            if disk_points < count:
+                data |= disk_rows(data, disk_points)
+            names = ("rest_lengths", "triangles", "stiffness", "masses")
+            others = {name: data.get(name) for name in names}
+            lattice = cls.from_points(data["positions"], data.get("bonds"), **others)
             return replace(lattice, origin=path.name)
-
-
-def _restored(data: Mapping[str, Any]) -> Lattice:
-    x = custom.point_array(data["unloaded"])
-    rows = rows_of_disk(data, len(x))
-    none = np.empty(0, np.int32)
-    return Lattice(
-        positions=x,
-        bonds=rows["bonds"],
-        rest_lengths=rows["rest_lengths"],
-        masses=rows["masses"],
-        disk_points=len(x),
-        disk_surface=data["disk_surface"],
-        wall_surface=none,
-        wall_boundary=none,
-        triangles=rows["triangles"],
-        origin=str(data["origin"]),
-        stiffness=rows.get("stiffness"),
-    )
-
-
-def _require(name: str, holds: Any, what: str) -> None:
-    if not holds:
-        raise InputError(
-            f"Lattice.{name} must be {what}: use Lattice.from_points, which builds a"
-            " valid lattice"
-        )
-
-
-def _require_reals(
-    name: str, array: Any, shape: tuple[int, ...], low: float = 0.0
-) -> None:
-    _require_form(name, array, np.float64, shape)
-    is_inside = (low < array) & (array < math.inf)
-    _require(name, is_inside.all(), f"numbers above {low:g} and below inf")
-
-
-def _require_indices(name: str, array: Any, shape: tuple[int, ...], n: int) -> None:
-    _require_form(name, array, np.int32, shape)
-    is_inside = (array >= 0) & (array < n)
-    _require(name, is_inside.all(), f"numbers above -1 and below {n}")
-
-
-def _require_form(name: str, array: Any, kind: type, shape: tuple[int, ...]) -> None:
-    is_array = isinstance(array, np.ndarray)
-    fits = is_array and array.dtype == kind and array.shape == shape
-    _require(name, fits, f"{np.dtype(kind)} of shape {shape}")
 
 
 def _distance(x: Array) -> Array:
     # not np.hypot, whose rounding depends on the machine
     return np.asarray(np.sqrt(x[:, 0] * x[:, 0] + x[:, 1] * x[:, 1]))
+
+
+def _mean_on_edge(place: Array, inside: float) -> Array:
+    """Return `inside` at the places 1, 1 at the places -1, and their mean at 0."""
+    return 0.5 * (1.0 + inside + place * (inside - 1.0))
 
 
 def _scaled_masses(masses: Array) -> Array:
@@ -375,54 +299,53 @@ def _scaled_masses(masses: Array) -> Array:
     return masses / math.fsum(masses)
 
 
-def _stiffness_or_none(factors: Array) -> Array | None:
-    if (factors == 1.0).all():
+def _stiffness_or_none(factors: Array | None) -> Array | None:
+    if factors is None or (factors == 1.0).all():
         return None
     return factors
 
 
 def triangulate(points: Array) -> Lattice:
-    return triangulated(points, delaunay(points))
-
-
-def triangulated(points: Array, triangles: Long) -> Lattice:
-    lattice, _ = tiled(points, triangles)
+    lattice, _ = tiled(points, delaunay(points))
     return lattice
 
 
 def tiled(
-    points: Array, triangles: Long, bonds: Long | None = None
+    points: Array,
+    triangles: Long,
+    bonds: Long | None = None,
+    order: Long | None = None,
 ) -> tuple[Lattice, Long]:
     """Return a lattice of equal masses and unstretched springs, and `order`: its
     positions are points[order].
 
-    `bonds` (m, 2) default to the sides of `triangles` (t, 3). Reverse Cuthill-McKee
-    numbering from the leftmost point keeps memory accesses local. The outline begins at
-    its lowest index. Raises SimulationError if the triangles do not tile the interior
-    of the outline, or if a point belongs to no triangle.
+    `bonds` (m, 2) default to the sides of `triangles` (t, 3), `order` to reverse
+    Cuthill-McKee numbering from the leftmost point, which keeps memory accesses local.
+    The outline begins at its lowest index. Raises SimulationError if the triangles do
+    not tile the interior of the outline, or if a point belongs to no triangle.
     """
     n = len(points)
     outline = outline_of(points, triangles)
     if bonds is None:
         side, first, _ = distinct_sides(triangles, n)
         bonds = side[first]
-    leftmost = int(np.argmin(points[:, 0]))
-    order = reverse_cuthill_mckee(bonds, n, leftmost)
+    if order is None:
+        leftmost = int(np.argmin(points[:, 0]))
+        order = reverse_cuthill_mckee(bonds, n, leftmost)
     rank = np.argsort(order)
     bonds = np.sort(rank[bonds], axis=1)
     i, j = bonds.T
     bonds = bonds[np.argsort(i * n + j)]
     x = points[order]
-    none = np.empty(0, np.int32)
+    surface = rank[outline]
+    surface = np.roll(surface, -int(np.argmin(surface)))
     lattice = Lattice(
         positions=x,
         bonds=bonds.astype(np.int32),
         rest_lengths=bond_lengths(x, bonds),
         masses=np.full(n, 1.0 / n),
         disk_points=n,
-        disk_surface=from_lowest(rank[outline]).astype(np.int32),
-        wall_surface=none,
-        wall_boundary=none,
+        disk_surface=surface.astype(np.int32),
         triangles=rank[triangles].astype(np.int32),
     )
     return lattice, order
@@ -440,10 +363,6 @@ def outline_of(points: Array, triangles: Long) -> Long:
     # Each hole has a clockwise chain.
     rings = chains(side[first[count == 1]])
     rings.sort(key=lambda ring: -polygon_area(points[ring]))
-    if not rings:  # there are no triangles, or each is given twice
-        raise SimulationError(
-            "the triangulation has no outline: choose another lattice seed"
-        )
     ring_areas = [polygon_area(points[ring]) for ring in rings]
     holes = ring_areas[1:]
     are_open = all(hole < -1e-9 * area for hole in holes)
@@ -457,11 +376,6 @@ def outline_of(points: Array, triangles: Long) -> Long:
     return rings[0]
 
 
-def from_lowest(ring: NDArray[IntegerT]) -> NDArray[IntegerT]:
-    """Rotate a closed chain of points so that it begins with the lowest index."""
-    return np.roll(ring, -int(np.argmin(ring)))
-
-
 def _joined(
     x: Array, bonds: Long | None, triangles: Long | None
 ) -> tuple[Lattice, Long]:
@@ -473,27 +387,34 @@ def _joined(
     return _meshed(x)
 
 
-def _of_springs(name: str, values: Any, bonds: Long | None, order: Long) -> Array:
-    """Return `values` (m,) of the user's `bonds` in the order of the lattice's springs,
-    whose points are points[order]."""
-    if bonds is None:
-        raise InputError(
-            f"{name} without springs: give `springs` too, in the same order"
-        )
-    limits = {"rest_lengths": custom.REST_LENGTHS, "stiffness": custom.STIFFNESS}
-    array = custom.positive(values, len(bonds), name, *limits[name])
-    rank = np.argsort(order)
-    keys = pair_keys(rank[bonds], len(order))
-    return array[np.argsort(keys)]
+def _with_springs(
+    lattice: Lattice, order: Long, bonds: Long | None, rest_lengths: Any, stiffness: Any
+) -> Lattice:
+    """Return `lattice`, whose points are points[order], with values (m,) of the user's
+    `bonds`, or as it is if they are None."""
+    arrays: dict[str, Any] = {}
+    for name, values in (("rest_lengths", rest_lengths), ("stiffness", stiffness)):
+        if values is None:
+            continue
+        if bonds is None:
+            raise InputError(
+                f"{name} without springs: give `springs` too, in the same order"
+            )
+        rank = np.argsort(order)
+        keys = pair_keys(rank[bonds], len(order))
+        array = custom.of_springs(values, len(bonds), name)
+        arrays[name] = array[np.argsort(keys)]
+    lattice = replace(lattice, **arrays)
+    return replace(lattice, stiffness=_stiffness_or_none(lattice.stiffness))
 
 
 def _first_in_one_piece(
-    x: Array, bonds: Long | None, *candidates: Long
+    x: Array, bonds: Long | None, *candidates: Long, order: Long | None = None
 ) -> tuple[Lattice, Long]:
     tiling = None
     for triangles in candidates:
         with suppress(SimulationError):
-            tiling = tiled(x, triangles, bonds)
+            tiling = tiled(x, triangles, bonds, order)
             if tiling[0].whole:
                 break
     if tiling is None:
@@ -542,41 +463,25 @@ def disk_of(lattice: Lattice) -> Lattice:
         )
     if len(lattice.wall_surface) == 0:
         return lattice
-    none = lattice.wall_surface[:0]
-    return replace(
-        lattice, **disk_rows(vars(lattice), n), wall_surface=none, wall_boundary=none
-    )
+    rows = disk_rows(vars(lattice), n)
+    none = _no_points()
+    return replace(lattice, **rows, wall_surface=none, wall_boundary=none)
 
 
 def checked_disk(lattice: Lattice) -> Lattice:
-    """Return the disk of a lattice that a user made or stored, without its wall.
+    """Return the disk of a lattice that a user made or stored, without its wall, its
+    springs sorted and its triangles and outline counter-clockwise.
 
     Raises InputError unless its points, springs and triangles form such a body as
-    `Lattice.from_points` makes, and its outline is that of the triangles.
+    `Lattice.from_points` makes.
     """
     disk = disk_of(lattice)
-    x = disk.positions
-    n = len(x)
+    x = custom.point_array(disk.positions)
     custom.check_body(x, max_offset=1.0)
-    custom.positive(disk.masses, n, "masses", *custom.MASSES)
-    springs = len(disk.bonds)
-    custom.positive(disk.rest_lengths, springs, "rest_lengths", *custom.REST_LENGTHS)
-    if disk.stiffness is not None:
-        custom.positive(disk.stiffness, springs, "stiffness", *custom.STIFFNESS)
-    triangles = custom.checked_triangles(disk.triangles, x, disk.bonds)
-    if not np.array_equal(triangles, disk.triangles):
-        raise InputError("triangles must be counter-clockwise")
-    try:
-        outline = outline_of(x, triangles)
-    except SimulationError:
-        raise InputError(
-            "the triangles of springs do not form one connected piece:"
-            f" {why_not_one_piece(x, triangles)}"
-        ) from None
-    surface = disk.disk_surface
-    has_outline = len(surface) == len(outline)
-    if not has_outline or (from_lowest(surface) != from_lowest(outline)).any():
-        raise InputError(
-            "disk_surface must be the outline of the triangles, counter-clockwise"
-        )
-    return disk
+    masses = custom.masses_of(disk.masses, len(x))
+    bonds = custom.checked_springs(disk.bonds, len(x))
+    corners = custom.checked_triangles(disk.triangles, x, bonds)
+    same = np.arange(len(x))
+    checked, _ = _first_in_one_piece(x, bonds, corners, order=same)
+    checked = _with_springs(checked, same, bonds, disk.rest_lengths, disk.stiffness)
+    return replace(checked, masses=masses, origin=disk.origin, notes=disk.notes)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -16,17 +16,10 @@ from taichi_disk.lattice.triangles import Array, Long
 _FLATNESS = 1e-9
 
 
-class Mesh(NamedTuple):
-    """Points of a mesh, scaled to a disk, and its triangles."""
-
-    points: Array  # (n, 2) [R]; some may belong to no triangle
-    triangles: Long  # (t, 3) rows of `points`
-    notes: tuple[str, ...]  # what was changed, for the user
-
-
-def read_mesh(path: Path) -> Mesh:
-    """Read the triangles of a mesh, scaled so that the smallest circle around it has
-    the radius 1 R, with the mean of its points at the origin.
+def read_mesh(path: Path) -> tuple[Array, Long, tuple[str, ...]]:
+    """Return points (n, 2) [R] and triangles (t, 3) of a mesh, scaled so that the
+    smallest circle around it has the radius 1 R, with the mean of its corners at the
+    origin, and what was changed, for the user.
 
     Corners make the triangles, also if there are points on the sides. Raises InputError
     if meshio is missing or cannot read the file, if the mesh is not flat or has cells
@@ -34,13 +27,16 @@ def read_mesh(path: Path) -> Mesh:
     """
     mesh = _read(path)
     triangles = _triangles_of(mesh)
-    if len(triangles) == 0:
-        raise InputError("the mesh has no triangles")
     points = np.asarray(mesh.points, np.float64)
-    corners = np.unique(triangles)
-    _check_flat(points[corners])
+    corners = points[np.unique(triangles)]
+    size = np.ptp(corners, axis=0)
+    if (size[2:] > _FLATNESS * size.max()).any():
+        raise InputError(
+            f"the mesh is not flat: its corners extend over {size[2]:g} along z, which"
+            " must be the same for all points"
+        )
     x = points[:, :2]
-    radius = enclosing_radius(x[corners])
+    radius = enclosing_radius(corners[:, :2])
     if not 0.0 < radius < np.inf:
         raise InputError(f"the mesh has the radius {radius:g}")
     notes: tuple[str, ...] = ()
@@ -49,7 +45,7 @@ def read_mesh(path: Path) -> Mesh:
             f"lengths of {path.name} were multiplied by {1.0 / radius:.6g}: the"
             " smallest circle around the mesh has the radius 1 R",
         )
-    return Mesh((x - x[corners].mean(axis=0)) / radius, triangles, notes)
+    return (x - corners[:, :2].mean(axis=0)) / radius, triangles, notes
 
 
 def _read(path: Path) -> Any:
@@ -82,7 +78,7 @@ def _read(path: Path) -> Any:
 
 def _triangles_of(mesh: Any) -> Long:
     """Return the corners (t, 3) of all triangles."""
-    triangles = [np.empty((0, 3), np.int64)]
+    triangles = []
     for block in mesh.cells:
         kind = block.type.removeprefix("VTK_LAGRANGE_").lower()
         if kind.startswith("triangle"):
@@ -92,49 +88,32 @@ def _triangles_of(mesh: Any) -> Long:
                 f"the mesh has {len(block.data)} cells of the kind {block.type}: mesh"
                 " the disk with triangles only"
             )
+    if not triangles:
+        raise InputError("the mesh has no triangles")
     return np.concatenate(triangles)
-
-
-def _check_flat(points: Array) -> None:
-    size = np.ptp(points, axis=0)
-    if points.shape[1] > 2 and size[2] > _FLATNESS * size.max():
-        z = points[:, 2]
-        raise InputError(
-            f"the mesh is not flat: z runs from {z.min():g} to {z.max():g}, and must be"
-            " the same for all points"
-        )
 
 
 def enclosing_radius(points: Array) -> float:
     """Return the radius of the smallest circle around `points` (n, 2), by the algorithm
     of Chrystal (1885) and Peirce."""
-    # Two points of the convex hull: the lowest, and the one in the flattest direction.
-    a = points[np.argmin(points[:, 1])]
-    away = points - a
-    distance = np.sqrt((away**2).sum(axis=1))
-    with np.errstate(invalid="ignore"):
-        steepness = np.where(distance > 0.0, away[:, 1] / distance, np.inf)
-    b = points[np.argmin(steepness)]
+    z = np.unique(points @ [1.0, 1.0j])
+    if len(z) == 1:
+        return 0.0
+    # a side of the convex hull: the lowest point, and the one in the flattest direction
+    a = z[np.argmin(z.imag)]
+    others = z[z != a]
+    b = others[np.argmin(np.angle(others - a))]
     while True:
+        others = z[(z != a) & (z != b)]
+        angles = np.abs(np.angle((b - others) / (a - others)))
+        least = angles.min(initial=np.pi)
+        if least >= np.pi / 2:
+            return 0.5 * float(abs(b - a))
         # the point that sees the side from a to b under the smallest angle
-        to_a = a - points
-        to_b = b - points
-        dot = (to_a * to_b).sum(axis=1)
-        cross = np.abs(to_a[:, 0] * to_b[:, 1] - to_a[:, 1] * to_b[:, 0])
-        c = points[np.argmax(np.arctan2(dot, cross))]
-        if dot.max() <= 0.0:
-            return 0.5 * float(np.linalg.norm(a - b))
-        if (b - a) @ (c - a) < 0.0:
+        c = others[np.argmin(angles)]
+        if ((c - a) / (b - a)).real < 0.0:
             a = c
-        elif (a - b) @ (c - b) < 0.0:
+        elif ((c - b) / (a - b)).real < 0.0:
             b = c
         else:
-            return _circumradius(a, b, c)
-
-
-def _circumradius(a: Array, b: Array, c: Array) -> float:
-    ab = b - a
-    ac = c - a
-    double_area = abs(ab[0] * ac[1] - ab[1] * ac[0])
-    sides = np.linalg.norm(ab) * np.linalg.norm(ac) * np.linalg.norm(b - c)
-    return float(sides / (2.0 * double_area))
+            return float(0.5 * abs(b - a) / np.sin(least))  # law of sines

@@ -124,13 +124,11 @@ def _radius_fault(radius: float, low: float, high: float, body: str, rows: int) 
     between edge and rim, or ""."""
     if not radius or low <= radius <= high:
         return ""
-    bound = f"at most {high:.3g}"
-    if low > high:
-        bound = "0"
-    elif radius < low:
-        bound = f"at least {low:.3g}"
+    allowed = "0"
+    if low <= high:
+        allowed += f" or from {low:.3g} to {high:.3g}"
     return (
-        f"must be {bound} with {body}, not {radius:g}, because there must be at least"
+        f"must be {allowed} with {body}, not {radius:g}, because there must be at least"
         f" {MIN_EDGE} springs round its edge and {rows} from there to the rim: change"
         " the radius or increase lattice.points"
     )
@@ -217,8 +215,7 @@ def _adsorb(
 
     side = float(np.sqrt(np.prod(high - low) / (4 * count)))
     nx, ny = np.maximum(np.ceil((high - low) / side), 1).astype(int)
-    grid = np.stack(np.meshgrid(np.arange(nx), np.arange(ny)), axis=-1)
-    cells = low + side * grid.reshape(-1, 2)  # lower left corners
+    cells = low + side * _grid(np.arange(nx), np.arange(ny))  # lower left corners
     points = fixed
     total = len(fixed) + count
     while len(points) < total and len(cells):
@@ -309,11 +306,14 @@ def rectangle_points(
 def _frame(low: Array, high: Array, row: float) -> Array:
     """Return points (k, 2) along the sides of a box, at distances of about `row` [R]:
     bottom, top, left, right."""
-    nx, ny = (max(round(float(length) / row), 1) for length in high - low)
-    x = np.linspace(low[0], high[0], nx + 1)
-    y = np.linspace(low[1], high[1], ny + 1)[1:-1]
-    bottom = np.stack([x, np.full_like(x, low[1])], axis=1)
-    top = np.stack([x, np.full_like(x, high[1])], axis=1)
-    left = np.stack([np.full_like(y, low[0]), y], axis=1)
-    right = np.stack([np.full_like(y, high[0]), y], axis=1)
-    return np.concatenate([bottom, top, left, right])
+    springs = np.maximum(np.round((high - low) / row), 1).astype(int)
+    x = np.linspace(low[0], high[0], springs[0] + 1)
+    y = np.linspace(low[1], high[1], springs[1] + 1)
+    rows = _grid(x, y[[0, -1]])
+    columns = _grid(y[1:-1], x[[0, -1]])[:, ::-1]
+    return np.concatenate([rows, columns])
+
+
+def _grid(x: Array, y: Array) -> Array:
+    """Return the points (k, 2) at all `x` and `y`, row by row."""
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)

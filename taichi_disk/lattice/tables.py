@@ -1,5 +1,5 @@
-"""Read the points of a disk from text in columns, as spreadsheets, pandas, NumPy and
-ParaView write it."""
+"""Read the points of a disk from text in columns, as spreadsheets, pandas, NumPy, R,
+Fortran and ParaView write it."""
 
 from __future__ import annotations
 
@@ -12,20 +12,22 @@ from taichi_disk.errors import InputError, printable
 from taichi_disk.lattice.custom import MAX_EXTENT
 from taichi_disk.lattice.triangles import Array
 
-_SPACES = ""  # the separator of columns is one or more spaces
-_SEPARATORS = ("\t", ";", ",", _SPACES)  # in the order in which they are tried
-_MINUS = "\u2212"  # the minus sign of typography
-# names of columns, in lower case and without units
+_SEPARATORS = (",", "\t", ";", None)  # None: one or more spaces
+_COMMENTS = ("#", "%", "!", "//")
+# quotes, and the minus sign of typography
+_PLAIN = str.maketrans({'"': None, "\u2212": "-"})
+_FORTRAN_EXPONENT = re.compile(r"(?<=[0-9.])[dD](?=[-+]?[0-9])")
+# names of columns in lower case, which a unit may follow: x_R, x [R], x (R), x/R
 _NAMES = {
-    "x": ("x", "points:0", "points_0"),
-    "y": ("y", "points:1", "points_1"),
-    "z": ("z", "points:2", "points_2"),
-    "mass": ("mass", "masses", "m"),
+    "x": "x|points[:_]0",
+    "y": "y|points[:_]1",
+    "z": "z|points[:_]2",
+    "mass": "mass|masses|m",
 }
-_UNIT = re.compile(r"\s*[\[(/].*")  # "x [R]", "x (R)", "x/R"
+_UNIT = r"(_r|\s*[\[(/].*)?"
 _WANTED = "needs the columns x, y and optionally mass"
 
-Row = tuple[int, str]  # line number from 1, and its text
+Rows = dict[int, list[str]]  # the cells of each line, by its number from 1
 
 
 def read_table(text: str) -> tuple[Array, Array | None]:
@@ -36,58 +38,48 @@ def read_table(text: str) -> tuple[Array, Array | None]:
     mass; a first column that numbers the rows and a third column of zeros are ignored.
     Raises InputError with the line of a fault.
     """
-    rows = _rows(text)
+    rows = _rows(_FORTRAN_EXPONENT.sub("e", text.translate(_PLAIN)))
+    header: list[str] = []
+    if rows and not all(map(_is_number, next(iter(rows.values())))):
+        header = rows.pop(min(rows))
     if not rows:
         raise InputError(f"has no points; it {_WANTED}")
-    separator = _separator(rows[-1][1])
-    if separator != ",":
-        rows = [(number, line.replace(",", ".")) for number, line in rows]
-    header = _cells(rows[0][1], separator)
-    if all(map(_is_number, header)):
-        table = _numbers(rows, separator, range(len(header)), len(header))
-        return _without_names(table)
-    if len(rows) == 1:
-        raise InputError(f"has no points; it {_WANTED}")
-    columns = _named_columns(header)
-    table = _numbers(rows[1:], separator, list(columns.values()), len(header))
-    named = dict(zip(columns, table.T, strict=True))
-    z = named.get("z", np.zeros(1))
+    if header:
+        columns = _by_name(header, rows)
+    else:
+        columns = _by_place(rows)
+    z = columns.get("z", np.zeros(1))
     if np.ptp(z) > 0.0:
         raise InputError(
             f"z must be the same for all points, not {z.min():g} to {z.max():g}"
         )
-    return np.stack([named["x"], named["y"]], axis=1), named.get("mass")
+    return np.stack([columns["x"], columns["y"]], axis=1), columns.get("mass")
 
 
-def _rows(text: str) -> list[Row]:
-    """Return the lines that are neither empty nor comments."""
-    rows = []
-    plain = text.replace('"', "").replace(_MINUS, "-")
-    for number, line in enumerate(plain.splitlines(), start=1):
+def _rows(text: str) -> Rows:
+    """Split the lines that are neither empty nor comments."""
+    lines = {}
+    for number, line in enumerate(text.splitlines(), start=1):
         # A tab at the beginning follows an empty name, such as that of pandas' index.
-        content = line.strip(" ").rstrip()
-        if content and not content.startswith("#"):
-            rows.append((number, content))
-    return rows
+        content = line.lstrip(" ").rstrip(" \t,;")
+        if content and not content.startswith(_COMMENTS):
+            lines[number] = content
+    *_, last = ["", *lines.values()]
+
+    def share_of_numbers(separator: str | None) -> float:
+        cells = _cells(last, separator)
+        if len(cells) < 2:
+            return 0.0
+        return sum(map(_is_number, cells)) / len(cells)
+
+    separator = max(_SEPARATORS, key=share_of_numbers)
+    return {number: _cells(line, separator) for number, line in lines.items()}
 
 
-def _separator(line: str) -> str:
-    """Return the first separator that splits the line into numbers, or else into at
-    least two numbers and other words."""
-    splits = {separator: _cells(line, separator) for separator in _SEPARATORS}
-    for separator, cells in splits.items():
-        if len(cells) > 1 and all(map(_is_number, cells)):
-            return separator
-    for separator, cells in splits.items():
-        if sum(map(_is_number, cells)) > 1:
-            return separator
-    return ","
-
-
-def _cells(line: str, separator: str) -> list[str]:
+def _cells(line: str, separator: str | None) -> list[str]:
     if separator != ",":
         line = line.replace(",", ".")  # decimal commas
-    return [cell.strip() for cell in line.split(separator or None)]
+    return [cell.strip() for cell in line.split(separator)]
 
 
 def _is_number(cell: str) -> bool:
@@ -98,37 +90,39 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _named_columns(header: Sequence[str]) -> dict[str, int]:
-    """Return the places of the columns that are read."""
-    names = [_UNIT.sub("", name.lower()) for name in header]
-    columns: dict[str, int] = {}
+def _by_name(header: list[str], rows: Rows) -> dict[str, Array]:
+    """Return the columns whose names in the header say what they are."""
+    names = [name.lower() for name in header]
+    if {len(cells) for cells in rows.values()} == {len(names) + 1}:
+        names.insert(0, "")  # R's names of rows
+    places: dict[str, int] = {}
     for name, spellings in _NAMES.items():
-        places = [k for k, found in enumerate(names) if found in spellings]
-        if len(places) > 1:
-            raise InputError(f"has {len(places)} columns {name}: leave one")
-        if places:
-            columns[name] = places[0]
-    if "x" not in columns or "y" not in columns:
-        found = printable(", ".join(header), width=100)
-        raise InputError(f"{_WANTED}; found {found}")
-    return columns
+        pattern = re.compile(f"({spellings}){_UNIT}")
+        found = [k for k, one in enumerate(names) if pattern.fullmatch(one)]
+        if len(found) > 1:
+            raise InputError(f"has {len(found)} columns {name}: leave one")
+        if found:
+            places[name] = found[0]
+    if "x" not in places or "y" not in places:
+        raise InputError(f"{_WANTED}; found {printable(', '.join(header), width=100)}")
+    numbers = _numbers(rows, list(places.values()), len(names))
+    return dict(zip(places, numbers.T, strict=True))
 
 
-def _without_names(table: Array) -> tuple[Array, Array | None]:
-    width = table.shape[1]
-    found = f"{width} columns without names"
-    if width > 2 and _numbers_rows(table[:, 0]):
-        table = table[:, 1:]
-    if table.shape[1] > 2 and not table[:, 2].any():
-        table = np.delete(table, 2, axis=1)  # z
-    if table.shape[1] == 2:
-        return table, None
-    if table.shape[1] == 3:
-        return table[:, :2], table[:, 2]
-    raise InputError(
-        f"{_WANTED}; found {found}: write the names into the first line, such as"
-        " x,y,mass"
-    )
+def _by_place(rows: Rows) -> dict[str, Array]:
+    """Return x, y and possibly mass, without a number of the row and a z of 0."""
+    width = len(rows[min(rows)])
+    columns = [*_numbers(rows, range(width), width).T]
+    if width > 2 and _numbers_rows(columns[0]):
+        del columns[0]
+    if len(columns) > 2 and not columns[2].any():
+        del columns[2]
+    if len(columns) not in (2, 3):
+        raise InputError(
+            f"{_WANTED}; found {width} columns without names: write the names into the"
+            " first line, such as x,y,mass"
+        )
+    return dict(zip(("x", "y", "mass"), columns, strict=False))
 
 
 def _numbers_rows(column: Array) -> bool:
@@ -139,30 +133,19 @@ def _numbers_rows(column: Array) -> bool:
     return bool((np.diff(column) == 1.0).all())
 
 
-def _numbers(
-    rows: Sequence[Row], separator: str, columns: Sequence[int], width: int
-) -> Array:
-    """Return the `columns` of all rows, each of which must have `width` values."""
-    lines = [line for _, line in rows]
-    for number, line in rows:
-        count = len(line.split(separator or None))
-        if count != width:
+def _numbers(rows: Rows, places: Sequence[int], width: int) -> Array:
+    """Return the numbers at the `places` of all rows, which have at most `width`
+    cells."""
+    numbers = []
+    for line, cells in rows.items():
+        if not max(places) < len(cells) <= width:
             raise InputError(
-                f"line {number} has {count} values, but the first line has {width}"
+                f"line {line} has {len(cells)} values, but the first line has {width}"
             )
-    try:
-        return np.loadtxt(lines, delimiter=separator or None, usecols=columns, ndmin=2)
-    except ValueError as error:
-        what = _what_is_no_number(rows, separator, columns) or str(error)
-        raise InputError(what) from None
-
-
-def _what_is_no_number(
-    rows: Sequence[Row], separator: str, columns: Sequence[int]
-) -> str:
-    for number, line in rows:
-        cells = _cells(line, separator)
-        for k in columns:
-            if not _is_number(cells[k]):
-                return f'line {number}: "{printable(cells[k])}" is not a number'
-    return ""
+        try:
+            numbers.append([float(cells[k]) for k in places])
+        except ValueError as error:
+            raise InputError(
+                f"line {line}: {printable(str(error), width=100)}"
+            ) from None
+    return np.array(numbers)

@@ -207,7 +207,7 @@ def why_not_one_piece(x: Array, triangles: Long) -> str:
     from scipy.sparse.csgraph import connected_components
 
     n = len(x)
-    side, first, count = distinct_sides(triangles, n)
+    side, _, _ = distinct_sides(triangles, n)
     start, end = side.T
     graph = coo_matrix((np.ones(len(side)), (start, end)), shape=(n, n))
     pieces, piece = connected_components(graph, directed=False)
@@ -217,14 +217,7 @@ def why_not_one_piece(x: Array, triangles: Long) -> str:
             f"no triangles lead from point 0 at {shown_point(x[0])} to point {apart} at"
             f" {shown_point(x[apart])}: join its {pieces} pieces by triangles"
         )
-    starts, visits = np.unique(start[first[count == 1]], return_counts=True)
-    if (visits > 1).any():
-        k = starts[np.argmax(visits > 1)]
-        return (
-            f"parts of the body share only point {k} at {shown_point(x[k])}: join them"
-            " by triangles"
-        )
-    return "join its parts by triangles"
+    return "parts of it share only single points: join them by triangles"
 
 
 def reverse_cuthill_mckee(bonds: Long, n: int, start: int) -> Long:

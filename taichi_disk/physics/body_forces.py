@@ -208,31 +208,29 @@ class MouseSpring(BodyForce):
     def tie(self, state: ti.template()):
         """Add the pull to the forces at this step, and return the potential that comes
         with it [M c^2]."""
-        i = self.point[0]
-        energy = 0.0
-        if i >= 0:
-            self.add_from_now_on(state, i, self.at(state, i))
-            energy = self.potential_at(state, i)
-        return energy
+        return self.add_from_now_on(state, 1.0)
 
     @ti.func
     def untie(self, state: ti.template()):
         """Take the pull from the forces at this step, and return minus the potential
         that goes with it [M c^2]."""
+        return self.add_from_now_on(state, -1.0)
+
+    @ti.func
+    def add_from_now_on(self, state: ti.template(), factor):
+        """Add `factor` times the pull to the forces at this step, and return that part
+        of the potential."""
         i = self.point[0]
         energy = 0.0
         if i >= 0:
-            self.add_from_now_on(state, i, -1.0 * self.at(state, i))
-            energy = -1.0 * self.potential_at(state, i)
+            force = factor * self.at(state, i)
+            energy = factor * self.potential_at(state, i)
+            put(state.f, i, get(state.f, i) + force)
+            # Only the second half of this step's kick lies after this moment, so only
+            # that half changes.
+            kick = state.closing[None] * state.inverse_mass[i] * force
+            put(state.v, i, get(state.v, i) - kick)
+            if ti.static(state.corrected):
+                correction = state.observed[None] * state.inverse_mass[i] * force
+                put(state.u, i, get(state.u, i) - correction)
         return energy
-
-    @ti.func
-    def add_from_now_on(self, state: ti.template(), i, force):
-        # Only the second half of this step's kick lies after this moment, so only that
-        # half changes.
-        put(state.f, i, get(state.f, i) + force)
-        kick = state.closing[None] * state.inverse_mass[i] * force
-        put(state.v, i, get(state.v, i) - kick)
-        if ti.static(state.corrected):
-            correction = state.observed[None] * state.inverse_mass[i] * force
-            put(state.u, i, get(state.u, i) - correction)

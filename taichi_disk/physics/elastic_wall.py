@@ -206,17 +206,16 @@ class ElasticWall(Wall):
         points = lattice.disk_surface[rows].astype(np.intp)
         carriers = over[rows].argmax(axis=1)[:, None] + np.arange(self.carriers)
         distance, direction, shares = self.geometry(x[points], chain[carriers])
+        is_near = distance < self.threshold
+        distance = distance[is_near]
         with np.errstate(over="ignore", invalid="ignore"):  # values after a blow-up
-            energy = self.potential(distance)
-            force = self.force_at(distance)[:, None] * direction
-        in_reach = distance < self.threshold
-        return Contacts(
-            points[in_reach],
-            carriers[in_reach],
-            shares[in_reach],
-            energy[in_reach],
-            force[in_reach],
-        )
+            return Contacts(
+                points=points[is_near],
+                carriers=carriers[is_near],
+                shares=shares[is_near],
+                energy=self.potential(distance),
+                force=self.force_at(distance)[:, None] * direction[is_near],
+            )
 
     def pieces(self, chain: Array) -> tuple[Array, Array]:
         """Return start and end (m, 2) of the pieces of the surface with the points

@@ -4,12 +4,11 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Generator, Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Generator
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from contextlib import suppress
 from itertools import groupby
 from queue import Empty, SimpleQueue
-from time import monotonic
 
 from taichi_disk import runtime
 from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
@@ -17,7 +16,6 @@ from taichi_disk.machine import cores
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import lattice_key
 from taichi_disk.signals import POLL_INTERVAL, raise_if_interrupted
-from taichi_disk.sweep.cluster import Cluster
 from taichi_disk.sweep.pool import Pool
 from taichi_disk.sweep.work import (
     PointResult,
@@ -34,7 +32,6 @@ Finished = Future[list[PointResult]]
 SCENES_PER_TASK = 6
 LARGE_LATTICE = 2000  # a scene with more points is a task by itself
 MAX_PARTS = 1_000_000
-SILENCE = 30.0  # time without a result after which the workers are looked at [s]
 
 
 def ordered(scenes: Scenes) -> Scenes:
@@ -77,37 +74,25 @@ def tasks_of(scenes: Scenes) -> list[list[str]]:
 
 
 def computed(
-    scenes: Scenes,
-    estimate: bool,
-    jobs: int | None,
-    executor: Executor | None,
-    cluster: Cluster | None,
+    scenes: Scenes, estimate: bool, jobs: int | None, executor: Executor | None
 ) -> Results:
-    """Yield (key, result) of `ordered` scenes as they finish, computed by a cluster, an
-    executor or `jobs` processes.
+    """Yield (key, result) of `ordered` scenes as they finish, computed by an executor
+    or `jobs` processes.
 
     Raises InputError if workers have other versions, SimulationError if workers fail.
     """
     tasks = tasks_of(scenes)
     processes = min(jobs or cores(), len(tasks))
-    workers: AbstractContextManager[Executor]
-    watch: Callable[[], None] = _do_nothing
-    if not tasks:
-        return
-    if cluster is not None:
-        workers = cluster.executor()
-        watch = cluster.watch
-    elif executor is not None:
-        workers = nullcontext(executor)
-    elif processes > 1:
-        workers = _pool(processes)
-    else:
+    if executor is None and processes < 2:
         runtime.start()
         yield from zip(scenes, compute_points(scenes.values(), estimate), strict=True)
         return
     try:
-        with workers as opened:
-            yield from _carried_out(opened, tasks, scenes, estimate, watch)
+        if executor is not None:
+            yield from _carried_out(executor, tasks, scenes, estimate)
+            return
+        with Pool(processes) as pool:
+            yield from _carried_out(pool, tasks, scenes, estimate)
     except TaichiDiskError:
         raise
     except ModuleNotFoundError as error:
@@ -122,25 +107,18 @@ def computed(
         ) from error
 
 
-def _do_nothing() -> None:
-    pass
-
-
 def _cause(error: Exception) -> str:
     if isinstance(error, BrokenExecutor):
         return "one died, perhaps for lack of memory: use fewer jobs"
+    if isinstance(error, CancelledError):
+        return "the scheduler has gone"
     return f"{type(error).__name__}: {error}"
 
 
 def _carried_out(
-    executor: Executor,
-    tasks: list[list[str]],
-    scenes: Scenes,
-    estimate: bool,
-    watch: Callable[[], None],
+    executor: Executor, tasks: list[list[str]], scenes: Scenes, estimate: bool
 ) -> Results:
-    """Yield (key, result) of the scenes of all tasks. `watch` is called during a
-    silence, and may raise an error."""
+    """Yield (key, result) of the scenes of all tasks."""
     finished = SimpleQueue[Finished]()
     futures: dict[Finished, list[str]] = {}
     try:
@@ -153,33 +131,15 @@ def _carried_out(
         import taichi_disk.figures.curves  # noqa: F401 (while workers compute)
 
         for _ in tasks:
-            future = _next(finished, watch)
+            future = _next(finished)
             yield from zip(futures[future], future.result(), strict=True)
     finally:
         for future in futures:
             future.cancel()
 
 
-def _next(finished: SimpleQueue[Finished], watch: Callable[[], None]) -> Finished:
-    last_look = monotonic()
+def _next(finished: SimpleQueue[Finished]) -> Finished:
     while True:
         raise_if_interrupted()
-        try:
+        with suppress(Empty):
             return finished.get(timeout=POLL_INTERVAL)
-        except Empty:
-            if monotonic() > last_look + SILENCE:
-                watch()
-                last_look = monotonic()
-
-
-@contextmanager
-def _pool(count: int) -> Iterator[Executor]:
-    """Open a pool whose processes end with this one, and at once after an error in the
-    block."""
-    pool = Pool(count)
-    try:
-        yield pool
-    except BaseException:
-        pool.kill()
-        raise
-    pool.shutdown()

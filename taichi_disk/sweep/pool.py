@@ -7,8 +7,9 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -19,8 +20,8 @@ from taichi_disk.signals import ignored_by_children
 WORKER = Path(__file__).with_name("worker.py")
 
 
-class Pool(Executor):
-    """An executor of `count` processes.
+class Pool(ThreadPoolExecutor):
+    """An executor of `count` processes, each of which serves one thread at a time.
 
     The standard library's pool imports files of the working folder and the caller's
     script, and needs semaphores, which small containers lack (/dev/shm). This one needs
@@ -28,88 +29,69 @@ class Pool(Executor):
     """
 
     def __init__(self, count: int) -> None:
+        super().__init__(count)
         environment.prepare()  # workers share the cache of this process
-        self._processes: list[subprocess.Popen[bytes]] = []
-        self._idle = SimpleQueue[subprocess.Popen[bytes]]()
-        self._threads = ThreadPoolExecutor(count)
-        try:
-            with ignored_by_children():
-                for _ in range(count):
-                    self._processes.append(_start())
-        except OSError:
-            self.kill()
-            raise
+        with ignored_by_children():
+            self._processes = [_start() for _ in range(count)]
+        self._free = SimpleQueue[subprocess.Popen[bytes]]()
         for process in self._processes:
-            self._idle.put(process)
+            self._free.put(process)
 
     def submit(
         self, function: Callable[..., Any], /, *args: Any, **kwargs: Any
     ) -> Future[Any]:
-        assert not kwargs
-        request = pickle.dumps((function, args))
-        return self._threads.submit(self._carry_out, request)
+        request = pickle.dumps(partial(function, *args, **kwargs))
+        return super().submit(self._carry_out, request)
 
     def _carry_out(self, request: bytes) -> Any:
-        process = self._idle.get()
+        process = self._free.get()
         try:
-            value, error = _ask(process, request)
+            _send(process, request)
+            assert process.stdout is not None
+            value, error = pickle.load(process.stdout)
         except (EOFError, OSError, pickle.UnpicklingError):
             raise BrokenExecutor("a process has died") from None
         finally:
-            self._idle.put(process)
+            self._free.put(process)
         if error is not None:
             raise error
         return value
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the processes, which save their compiled kernels first."""
-        self._threads.shutdown(wait, cancel_futures=cancel_futures)
+        super().shutdown(wait, cancel_futures=cancel_futures)
         for process in self._processes:
-            with suppress(OSError):  # it has died
+            with suppress(OSError, ValueError):  # it has died, or ended
                 _send(process, None)
         for process in self._processes:
-            process.wait()
-            _close(process)
+            process.communicate()
 
     def kill(self) -> None:
         """End the processes at once."""
         for process in self._processes:
             process.kill()
-        self._threads.shutdown(cancel_futures=True)
-        for process in self._processes:
-            process.wait()
-            _close(process)
+        self.shutdown(cancel_futures=True)
+
+    def __exit__(self, *error: Any) -> None:
+        if error[0] is not None:
+            self.kill()
+        self.shutdown()
 
 
 def _start() -> subprocess.Popen[bytes]:
-    # one thread for each process: they compute at the same time
-    variables = {"OPENBLAS_NUM_THREADS": "1"} | os.environ
     process = subprocess.Popen(
         [sys.executable, str(WORKER)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        env=variables,
+        # one thread for each process: they compute at the same time
+        env={"OPENBLAS_NUM_THREADS": "1", **os.environ},
     )
     with suppress(OSError):  # it has died, which the first call will show
         _send(process, sys.path)
     return process
 
 
-def _ask(process: subprocess.Popen[bytes], request: bytes) -> tuple[Any, Any]:
-    _send(process, request)
-    assert process.stdout is not None
-    value, error = pickle.load(process.stdout)
-    return value, error
-
-
 def _send(process: subprocess.Popen[bytes], message: Any) -> None:
     assert process.stdin is not None
     pickle.dump(message, process.stdin)
     process.stdin.flush()
-
-
-def _close(process: subprocess.Popen[bytes]) -> None:
-    for stream in (process.stdin, process.stdout):
-        assert stream is not None
-        with suppress(OSError):
-            stream.close()

@@ -33,7 +33,7 @@ from taichi_disk.progress import Progress, reported, silent
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.sweep_axes import Sweep, target_of, value_of
 from taichi_disk.sweep import executors
-from taichi_disk.sweep.cluster import Cluster
+from taichi_disk.sweep.cluster import dask_executor
 from taichi_disk.sweep.work import PointResult, relevant_versions
 
 if TYPE_CHECKING:
@@ -209,18 +209,17 @@ def run_sweep(
         of_all = f" (part {part} of {len(keys)})"
     say(f"{len(scenes)} scenes{of_all}, {stored} of them computed before")
     _say_note(scenes, say)
-    cluster = None
-    if missing and scheduler is not None:
-        cluster = Cluster(scheduler, say)
-    prepare_output(out / "points")
     with ExitStack() as stack:
+        if missing and scheduler is not None:
+            executor = stack.enter_context(dask_executor(scheduler, say))
+        prepare_output(out / "points")
         if part is None:
             stack.enter_context(_only_writer(out))
             _begin_table(out, sweep, say)
         for key in results:
             _write_scene(out, key, scenes[key])
         progress("sweep", stored, len(scenes))
-        computed = executors.computed(missing, estimate, jobs, executor, cluster)
+        computed = executors.computed(missing, estimate, jobs, executor)
         with closing(computed):
             for key, result in computed:
                 _write_point(out, key, missing[key], result)
@@ -485,7 +484,4 @@ def _write_point(out: Path, key: str, scene: Scene, result: PointResult) -> None
 
 
 def _write_scene(out: Path, key: str, scene: Scene) -> None:
-    path = out / "points" / f"{key}.yaml"
-    text = scene.to_yaml()
-    if not (path.is_file() and path.read_bytes() == text.encode()):
-        write_text(path, text)
+    write_text(out / "points" / f"{key}.yaml", scene.to_yaml())

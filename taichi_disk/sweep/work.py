@@ -38,19 +38,19 @@ class PointResult:
     versions: dict[str, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
 class Task:
     """Scenes that one worker computes. Unpickling a task computes it, and returns the
     results of its scenes, in order."""
 
     # A worker without this package then fails in the task, and its error comes back. A
     # Dask worker that cannot unpickle a function closes itself without a word.
-    expected: dict[str, str]  # versions installed where the sweep was started
-    scenes: bytes  # pickled; unpickled only if the worker has the expected versions
-    estimate: bool
+
+    def __init__(self, *arguments: Any) -> None:
+        """Take the arguments of `compute_task`."""
+        self._arguments = arguments
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return compute_task, (self.expected, self.scenes, self.estimate)
+        return compute_task, self._arguments
 
 
 def relevant_versions() -> dict[str, str]:
@@ -60,8 +60,9 @@ def relevant_versions() -> dict[str, str]:
 def compute_task(
     expected: dict[str, str], scenes: bytes, estimate: bool
 ) -> list[PointResult]:
-    """Compute a `Task` of an executor. Raises InputError if other versions are
-    installed here."""
+    """Compute `scenes`, which are pickled, because a worker of other versions could not
+    unpickle them. Raises InputError unless the versions here are the `expected` ones,
+    where the sweep was started."""
     _check_versions(expected)
     if threading.current_thread() is threading.main_thread():
         return _compute(scenes, estimate)

@@ -60,8 +60,8 @@ def _receive(requests: SimpleQueue[Any]) -> None:
 
 def _answer(request: bytes) -> bytes:
     try:
-        function, arguments = pickle.loads(request)
-        return pickle.dumps((function(*arguments), None))
+        call = pickle.loads(request)
+        return pickle.dumps((call(), None))
     except Exception as error:
         failure = error
     try:

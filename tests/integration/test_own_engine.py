@@ -82,7 +82,7 @@ def test_an_engine_started_with_other_settings_is_refused_with_the_line_to_write
     )
 
 
-def test_an_architecture_from_the_environment_is_refused_by_name(tmp_path):
+def test_an_architecture_from_the_environment_changes_nothing(tmp_path):
     done = python(
         tmp_path,
         "-m",
@@ -90,14 +90,12 @@ def test_an_architecture_from_the_environment_is_refused_by_name(tmp_path):
         "run",
         "exponential_wall",
         "--no-video",
+        "--lattices=1",
+        "--set=lattice.points=20",
         TI_ARCH="vulkan",
     )
-    assert (
-        done.returncode == 2
-        and "TI_ARCH=vulkan" in done.stderr
-        and "Traceback" not in done.stderr
-    )
-    assert list(tmp_path.iterdir()) == []
+    assert done.returncode == 0, done.stderr
+    assert "e =" in done.stdout or "restitution" in done.stdout
 
 
 @pytest.mark.validate

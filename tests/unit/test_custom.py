@@ -16,6 +16,8 @@ from scipy.spatial import cKDTree
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Lattice, disk_lattice, files, read_lattice, with_wall
 from taichi_disk.lattice.lattice import polygon_area
+from taichi_disk.lattice.own_start import OwnStart, own_start
+from taichi_disk.scenes import load_scene
 
 COLUMN, ROW = (
     indices.ravel() for indices in np.meshgrid(np.arange(-12, 13), np.arange(-12, 13))
@@ -211,7 +213,7 @@ def test_the_disk_of_a_runs_lattice_is_read_from_npz(tmp_path):
         ("a.yaml", b"0,0", ".csv, .txt, .tsv or .npz file, or from a mesh: .avs"),
         ("a.csv", b"x,y\n", "has no points"),
         ("a.csv", b"x,y\n0,0\n1,2,3\n", "line 3 has 3 values, but the first line"),
-        ("a.csv", b"x,y\n0,0\n1,b\n", 'line 3: "b" is not a number'),
+        ("a.csv", b"x,y\n0,0\n1,b\n", "line 3: could not convert string to float: 'b'"),
         ("a.csv", b"0,0\n\xfc", ":2: not UTF-8 text (byte 0xfc): save it as UTF-8"),
         ("a.csv", b"0,0\n9,0\n0,9\n", "extend over 9 x 9 R"),
         ("a.npz", b"PK", "not a zip file"),
@@ -255,34 +257,50 @@ DISK = disk_lattice(50)
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        (
-            "positions",
-            changed(DISK.positions, (7, 1), np.nan),
-            "above -inf and below inf",
-        ),
-        ("positions", DISK.positions[:9], "float64 of shape (50, 2)"),
-        ("positions", DISK.positions.tolist(), "float64"),
-        ("bonds", changed(DISK.bonds, (-1, 1), 50), "above -1 and below 50"),
-        ("bonds", changed(DISK.bonds, (3, 0), -1), "above -1 and below 50"),
-        ("bonds", DISK.bonds.astype(np.int64), "int32"),
-        ("bonds", DISK.bonds[::-1], "sorted"),
-        ("bonds", DISK.bonds[:, ::-1].copy(), "i < j"),
-        ("bonds", DISK.bonds[:-1], "int32 of shape"),
-        ("rest_lengths", changed(DISK.rest_lengths, 0, 0.0), "above 0 and below inf"),
-        (
-            "rest_lengths",
-            changed(DISK.rest_lengths, 0, np.inf),
-            "above 0 and below inf",
-        ),
-        ("masses", -DISK.masses, "above 0"),
-        ("disk_points", 51, "a whole number from 1 to 50"),
-        ("disk_surface", DISK.disk_surface + np.int32(50), "above -1"),
-        ("triangles", DISK.triangles[:, :2], "int32 of shape"),
+        ("positions", changed(DISK.positions, (7, 1), np.nan), "point 7 is not finite"),
+        ("positions", DISK.positions[:9], "masses must have the shape (9,), not (50,)"),
+        ("bonds", changed(DISK.bonds, (-1, 1), 50), "must join 2 points of 0 to 49"),
+        ("bonds", changed(DISK.bonds, (3, 0), -1), "must join 2 points of 0 to 49"),
+        ("bonds", DISK.bonds.ravel(), "whole numbers of shape (any, 2)"),
+        ("bonds", DISK.bonds[:-1], "has a side that is no spring"),
+        ("rest_lengths", changed(DISK.rest_lengths, 0, 0.0), "rest_lengths[0] is 0"),
+        ("rest_lengths", changed(DISK.rest_lengths, 0, np.inf), "rest_lengths[0] is"),
+        ("stiffness", np.ones(3), "stiffness must have the shape"),
+        ("masses", -DISK.masses, "must add up to 1 M, not -1"),
+        ("disk_points", 0, "must add up to 1 M, not 0"),
+        ("triangles", DISK.triangles[:, :2], "whole numbers of shape (any, 3)"),
+        ("triangles", DISK.triangles + np.int32(49), "must join 3 points of 0 to 49"),
     ],
 )
-def test_a_lattice_checks_itself_however_it_was_made(name, value, message):
-    with pytest.raises(InputError, match=rf"^Lattice\..*{re.escape(message)}"):
-        replace(DISK, **{name: value})
+def test_a_lattice_is_checked_when_a_run_takes_it(name, value, message):
+    section = load_scene("exponential_wall").lattice
+    with pytest.raises(InputError, match=re.escape(message)):
+        own_start(section, replace(DISK, **{name: value}), None)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("positions", DISK.positions.tolist()),
+        ("bonds", DISK.bonds.astype(np.int64)),
+        ("bonds", DISK.bonds[:, ::-1].copy()),
+        ("triangles", DISK.triangles[:, ::-1]),
+        ("disk_surface", DISK.disk_surface + np.int32(50)),
+    ],
+)
+def test_a_lattice_gets_the_form_that_kernels_need(name, value):
+    section = load_scene("exponential_wall").lattice
+    given = replace(DISK, **{name: value})
+    assert own_start(section, given, None).digest == OwnStart(DISK).digest
+
+
+def test_a_lattice_may_list_its_springs_in_any_order():
+    section = load_scene("exponential_wall").lattice
+    rest = 1.0 + np.arange(len(DISK.bonds))
+    expected = replace(DISK, rest_lengths=rest)
+    shuffled = np.random.default_rng(0).permutation(len(rest))
+    given = replace(DISK, bonds=DISK.bonds[shuffled], rest_lengths=rest[shuffled])
+    assert own_start(section, given, None).digest == OwnStart(expected).digest
 
 
 def test_a_disk_needs_no_seed():
@@ -437,7 +455,7 @@ def test_a_file_s_number_of_points_is_one_it_has(tmp_path, number):
         ({"points": GRID, "triangles": [[0, 0, 0]]}, "triangle 0, [0, 0, 0], is flat"),
         (
             {"points": GRID, "triangles": 3 * [[0, 1, 9], [1, 10, 9]]},
-            "triangle 2, [0, 1, 9], and triangle 0 are the same",
+            "triangle 2, [0, 1, 9], and triangle 0, [0, 1, 9], overlap",
         ),
         (
             {"points": GRID, "masses": changed(np.ones(81), 5, 1e300)},
@@ -445,7 +463,7 @@ def test_a_file_s_number_of_points_is_one_it_has(tmp_path, number):
         ),
         (
             {"points": GRID, "masses": changed(np.ones(81), 5, 1e-20)},
-            "masses[5] is 1e-20, less than 1e-15 of",
+            "masses[5] is 1e-20: it must be a positive number, from 1e-15 to",
         ),
         (
             {

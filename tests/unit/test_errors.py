@@ -1,4 +1,4 @@
-"""Messages of the operating system name a file, or what failed."""
+"""Messages of the operating system name a file."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ def fail():
     raise OSError(28, "No space left on device")
 
 
-def test_a_message_names_the_file_or_else_the_function_that_failed():
+def test_a_message_names_the_file_if_there_is_one():
     assert reason(caught(open, "/nowhere/a")) == "No such file or directory"
     message = system_message(caught(open, "/nowhere/a"))
     assert message == "/nowhere/a: No such file or directory"
     message = system_message(caught(fail))
-    assert message == "No space left on device (in fail of test_errors)"
+    assert message == "No space left on device"
     assert system_message(OSError("no words")) == "no words"
     assert reason(ValueError("a")) == "a"
 

@@ -40,6 +40,15 @@ DIALECTS = {
     "minus signs": table("x,y\n", "{x},{y}\n").replace("-", "\u2212"),
     "Windows": table("x,y\n", "{x},{y}\n").replace("\n", "\r\n"),
     "quotes": table('"x","y"\n', '"{x}","{y}"\n'),
+    "R, names of rows": table('"x" "y"\n', '"{k}" {x} {y}\n'),
+    "R, commas": table('"x","y","type"\n', '"p{k}",{x},{y},"rim"\n'),
+    "MATLAB": table("% x y\n", "{x:.18e},{y:.18e}\n"),
+    "C": table("// points\nx;y\n", "{x};{y}\n"),
+    "trailing commas": table("x,y\n", "{x},{y},\n"),
+    "trailing semicolons": table("x;y;\n", "{x};{y};\n").replace(".", ","),
+    "units, underscore": table("id,x_R,y_R\n", "{k},{x},{y}\n"),
+    "Fortran": table("", "  {x:.18e}  {y:.18e}\n").replace("e", "D"),
+    "empty remarks": table("x,y,remark\n", "{x},{y},\n"),
 }
 
 
@@ -97,8 +106,9 @@ WANTED = "needs the columns x, y and optionally mass"
         ("0,0,1,2\n1,0,1,2\n", f"{WANTED}; found 4 columns without names"),
         ("x,y\n0,5,0,3\n", "line 2 has 4 values, but the first line has 2"),
         ("x,y\n\n# note\n0,0\n1\n2,2\n", "line 5 has 1 values"),
-        ("x,y\n0,0\n1,\n2,3\n", 'line 3: "" is not a number'),
-        ("x;y\n0,5;1\n1;b\n2;3,5\n", 'line 3: "b" is not a number'),
+        ("x,y\n0,0\n1,\n2,3\n", "line 3 has 1 values, but the first line has 2"),
+        ("x,y\n0,0\n,1\n2,3\n", "line 3: could not convert string to float: ''"),
+        ("x;y\n0,5;1\n1;b\n2;3,5\n", "line 3: could not convert string to float: 'b'"),
         ("x,y,z\n0,0,1\n1,0,2\n", "z must be the same for all points, not 1 to 2"),
     ],
 )
