@@ -18,7 +18,6 @@ from taichi_disk.api.work import FRAMES, MOST_FRAMES, Work
 from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.computation.driver import State as State
 from taichi_disk.computation.outcome import Outcome
-from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.workload import memory_note
 from taichi_disk.config.tree import Source, as_path
 from taichi_disk.errors import InputError, did_you_mean, nearest
@@ -45,21 +44,20 @@ __all__ = ["Modes", "Result", "State", "run"]
 MAX_NAMED_TIMES = 5  # number of times in a notice
 
 
-@dataclass(frozen=True)
-class Result:
-    """A finished run. It can be pickled and sent to another process.
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Result(Outcome):
+    """A finished run: a computed scene with its numbers, states, pictures and files. It
+    can be pickled and sent to another process.
 
-    Attributes:
+    Attributes, beside those of `Outcome`:
         scene: computed scene.
-        outcome: scenario, time series, states, and how they were computed.
         out: folder of the run, if there is one.
         own: user-supplied lattice and velocities.
     """
 
     scene: Scene
-    outcome: Outcome = field(repr=False)
     out: Path | None = None
-    own: OwnStart = field(default=OwnStart(), repr=False)
+    own: OwnStart = field(default=OwnStart())
 
     def __repr__(self) -> str:
         name, value = next(iter(self.numbers.items()))
@@ -78,21 +76,13 @@ class Result:
             self.plot(),
         )
 
-    @property
-    def scenario(self) -> Scenario:
-        return self.outcome.scenario
-
-    @property
-    def summary(self) -> dict[str, Any]:
-        return self.outcome.summary
-
     # ---- numbers
 
     @property
     def numbers(self) -> dict[str, float]:
         """Results by name, the primary one first: restitution and contact_time [R/c],
         or xi [R] and xi_nominal."""
-        return self.scenario.result(self.outcome.columns)
+        return self.scenario.result(self.columns)
 
     @property
     def restitution(self) -> float:
@@ -148,7 +138,7 @@ class Result:
     @property
     def series(self) -> dict[str, Array]:
         """Time series: an array (rows,) for each column of timeseries.csv."""
-        return self.outcome.columns
+        return self.columns
 
     def dataframe(self) -> DataFrame:
         """Return the time series as a table of pandas. Raises TaichiDiskError if pandas
@@ -221,8 +211,8 @@ class Result:
         return modes(
             disk_of(self.lattice),
             self.scenario.model.springs,
-            self.outcome.positions[:n],
-            self.outcome.velocities[:n],
+            self.positions[:n],
+            self.velocities[:n],
             count,
         )
 
@@ -291,7 +281,7 @@ class Result:
             raise InputError(
                 f"times: must lie within 0 and {last:.6g}, the end of the run"
             )
-        return self.outcome.replay(times)
+        return self.replay(times)
 
     # ---- pictures
 
@@ -328,11 +318,11 @@ class Result:
         scene = self.scene
         if colour:
             scene = scene.with_({"video.colour": colour})
-        return draw_state(self.outcome, scene.video, t, ax)
+        return draw_state(self, scene.video, t, ax)
 
     def show(
         self,
-        beside: Result | Sequence[Result] | None = None,
+        compare: Result | Sequence[Result] | None = None,
         progress: Progress | None = None,
         **video: Any,
     ) -> Film:
@@ -347,7 +337,7 @@ class Result:
         with TemporaryDirectory() as folder:
             return Film(
                 self.film(
-                    Path(folder, f"film.{kind}"), beside, progress, **video
+                    Path(folder, f"film.{kind}"), compare, progress, **video
                 ).read_bytes(),
                 kind,
             )
@@ -359,7 +349,7 @@ class Result:
     def film(
         self,
         path: Path | str,
-        beside: Result | Sequence[Result] | None = None,
+        compare: Result | Sequence[Result] | None = None,
         progress: Progress | None = None,
         *,
         at: float | str = "greatest",
@@ -373,7 +363,7 @@ class Result:
         Args:
             path: .mp4, .webm or .gif; .html for a page that plays the film; .png for
                 one picture; a folder for numbered pictures.
-            beside: up to three other runs, to be shown at the right.
+            compare: up to three other runs, to be shown at the right.
             progress: called as for `run`.
             at: the moment of a picture: a time [R/c], "greatest" (compression),
                 "contact" (the first) or "end".
@@ -392,26 +382,27 @@ class Result:
         from taichi_disk.web.film import film
 
         path = as_path(path, "path")
-        others = [beside] if isinstance(beside, Result) else beside or ()
+        others = compare or ()
+        if isinstance(compare, Result):
+            others = (compare,)
         if not (
             isinstance(others, (list, tuple))
             and all(isinstance(result, Result) for result in others)
         ):
             raise InputError(
-                "beside: must be a result of run, or a list of results, not"
-                f" {beside!r:.60}"
+                "compare: must be a result of run, or a list of results, not"
+                f" {compare!r:.60}"
             )
         section = self.scene.with_(
             {f"video.{key}": value for key, value in video.items()}
         ).video
         check_target(path)
-        runs = [result.outcome for result in (self, *others)]
         made = files.prepare_output(path.parent)
         try:
             with drawing_process(True) as artist:
                 film(
                     path,
-                    runs,
+                    [self, *others],
                     section,
                     progress or silent,
                     Span(at, start, end),
@@ -442,7 +433,7 @@ class Result:
             with drawing_process(video) as artist:
                 work.write(
                     folder,
-                    replace(self.outcome, summary=dict(self.summary)),
+                    replace(self, summary=dict(self.summary)),
                     video,
                     artist,
                 )
@@ -509,7 +500,7 @@ class Result:
             )
         # The step of the run is accepted, even if it is beyond the stability limit.
         outcome = work.solve(work.build(), 1, force=True, estimate=estimate)
-        return cls(work.scene, outcome, own=work.own)
+        return cls(**vars(outcome), scene=work.scene, own=work.own)
 
 
 @reported
@@ -591,7 +582,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
         if export:
             raise InputError("export: needs a folder, `out`")
         outcome = work.solve(work.build(threads), **options)
-        return Result(work.scene, outcome, own=own)
+        return Result(**vars(outcome), scene=work.scene, own=own)
     out = as_path(out, "out")
     text = own.repeating(work.scene).to_yaml()
     with run_folder(out, text, count_on, overwrite, say, own.digest) as folder:
@@ -608,7 +599,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
             work.write(folder, outcome, video, artist)
     # without room for anything there is no folder
     written = folder.out if folder.out.is_dir() else None
-    return Result(work.scene, outcome, written, own)
+    return Result(**vars(outcome), scene=work.scene, out=written, own=own)
 
 
 def _check_arguments(scene: Scene, changes: dict[str, Any]) -> None:

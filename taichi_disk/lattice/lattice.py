@@ -264,7 +264,7 @@ class Lattice:
             data = read_arrays(path)
             if "unloaded" in data:
                 x = custom.point_array(data["unloaded"])
-                stored = disk_rows(data | {"positions": x}, len(x))
+                stored = disk_rows(data, len(x)) | {"positions": x}
                 disk = cls(
                     **stored,
                     disk_points=len(x),

@@ -94,19 +94,14 @@ def quasistatic(scenario: Any, loads: int, progress: Progress) -> Outcome:
         "integrator": "newton",
     }
     summary |= {"error_estimate": {}, "residual": rest.residual, "roll": rest.roll}
-    largest = float(
-        np.hypot(*model.wall.contact_forces(lattice, rest.positions)[1].T).max(
-            initial=0.0
-        )
-    )
-    still = np.zeros_like(rest.positions)
+    _, forces = model.wall.contact_forces(lattice, rest.positions)
     return Outcome(
-        scenario,
-        columns,
-        rest.positions,
-        still,
-        largest,
-        path.solved,
-        path.interpolated,
-        summary,
+        scenario=scenario,
+        columns=columns,
+        positions=rest.positions,
+        velocities=np.zeros_like(rest.positions),
+        largest_force=float(np.hypot(*forces.T).max(initial=0.0)),
+        replay=path.solved,
+        frames=path.interpolated,
+        summary=summary,
     )

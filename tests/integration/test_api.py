@@ -219,10 +219,8 @@ def test_a_saved_result_is_loaded_bitwise_the_same(result, tmp_path):
     (tmp_path / "r" / "video.gif").touch()
     # the summary names the existing film of this scene
     for folder, film in (("s", None), ("r", "video.gif")):
-        outcome = replace(
-            result.outcome, summary=result.summary | {"video": "video.mp4"}
-        )
-        replace(result, outcome=outcome).save(tmp_path / folder)
+        summary = result.summary | {"video": "video.mp4"}
+        replace(result, summary=summary).save(tmp_path / folder)
         assert (
             json.loads((tmp_path / folder / "summary.json").read_text())["video"]
             == film
@@ -325,9 +323,9 @@ def test_what_cannot_be_computed_as_given_is_refused(result, tmp_path):
     for frames in (0, -1, 2.5, 10**12):
         with pytest.raises(InputError, match="frames: must be a whole number"):
             result.export("never.xyz", frames=frames)
-    for beside in (3, [3], "result"):
-        with pytest.raises(InputError, match="beside: must be a result of run"):
-            result.film(tmp_path / "never" / "never.png", beside=beside)
+    for compare in (3, [3], "result"):
+        with pytest.raises(InputError, match="compare: must be a result of run"):
+            result.film(tmp_path / "never" / "never.png", compare=compare)
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(InputError, match="ax: must be axes of Matplotlib"):
         result.draw(ax=3)
@@ -698,7 +696,6 @@ def test_a_lattice_that_is_not_the_run_s_any_more_is_noticed(tmp_path):
         {"rest_lengths": ELLIPSE.rest_lengths * 1.01},
         {"triangles": np.roll(ELLIPSE.triangles, 1, axis=1)},
         {"triangles": ELLIPSE.triangles[::-1]},
-        {"disk_surface": np.roll(ELLIPSE.disk_surface, 1)},
     ):
         np.savez(path, **{**stored, **changes})
         with pytest.raises(InputError, match="have changed since the run"):

@@ -439,7 +439,7 @@ def test_a_single_picture_of_a_comparison_shows_the_whole_of_a_disk_that_has_lef
         )
         for v in (0.02, 0.3)
     )
-    slow.film(tmp_path / "both.png", beside=fast, size=360, draw="field", panel=False)
+    slow.film(tmp_path / "both.png", compare=fast, size=360, draw="field", panel=False)
     # between the words
     picture = np.asarray(Image.open(tmp_path / "both.png")).astype(float)[76:280, 360:]
     inked = (
@@ -459,7 +459,7 @@ def test_a_faster_disk_stays_whole_in_a_comparison_to_the_end(tmp_path):
         )
         for v in (0.02, 0.2)
     )
-    slow.film(tmp_path / "both", beside=fast, size=128, fps=10, seconds=1)
+    slow.film(tmp_path / "both", compare=fast, size=128, fps=10, seconds=1)
     last = pictures_in(tmp_path / "both")[-1]
     inked = (last[:, 128:] != last[0, 0]).any(axis=2).sum(axis=1)
     assert inked[:4].max() < 60 < inked[20]  # the top of the text is complete
@@ -533,7 +533,7 @@ def test_in_a_comparison_only_the_run_at_its_greatest_compression_is_captioned_s
         load_scene("exponential_wall", ["lattice.points=20", "impact.velocity=0.2"]),
         lattices=1,
     )
-    film(tmp_path / "both.png", [run, other.outcome], video(), QUIET)
+    film(tmp_path / "both.png", [run, other], video(), QUIET)
     assert [one.note for one in captions()] == ["greatest compression", ""]
 
 
@@ -674,7 +674,7 @@ def test_the_film_of_a_loading_shows_the_fraction_of_the_load_and_moves_without_
         load_scene("compression", ["lattice.points=60", "compression.method=newton"]),
         lattices=1,
     )
-    pressed.film(tmp_path / "frames", size=SIZE, fps=10, seconds=4, beside=pressed)
+    pressed.film(tmp_path / "frames", size=SIZE, fps=10, seconds=4, compare=pressed)
     words = captions()
     assert words[0::2] == words[1::2] and len(words) == 80
     parts = times_of(words[::2])
@@ -820,7 +820,7 @@ def test_a_film_without_flight_shows_the_run_alone(run, tmp_path, captions):
 )
 def test_a_disk_flies_before_the_run_only_if_it_would_keep_its_spin(settings, flies):
     scene = load_scene("exponential_wall", ["lattice.points=60", *settings])
-    outcome = api.run(scene, lattices=1).outcome
+    outcome = api.run(scene, lattices=1)
     flight = Flight.of(outcome, 0.33)
     assert (flight.start < 0.0) == flies
     if flies:
@@ -841,7 +841,7 @@ def test_velocities_of_the_user_s_own_have_no_flight():
     velocities[:, 1] = -0.05
     velocities[0, 1] = -0.06
     scene = load_scene("exponential_wall", ["lattice.points=60"])
-    outcome = api.run(scene, velocities=velocities, lattices=1).outcome
+    outcome = api.run(scene, velocities=velocities, lattices=1)
     flight = Flight.of(outcome, 0.33)
     assert (flight.start, flight.end) == (0.0, outcome.columns["t"][-1])
 
