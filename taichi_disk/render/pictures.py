@@ -180,7 +180,7 @@ class Pictures:
     def _place(self, part: NDArray[np.uint32], image: NDArray[np.float32]) -> None:
         """Place GGUI's image into the picture of a disk. Columns beside it show only
         the background and a rigid wall, so they repeat the outermost ones."""
-        # GGUI made k/255 of each byte k, so 255.5 times this is between k and k + 1. New
+        # GGUI made k/255 of each byte k, so 255.5 times this lies from k to k + 1. New
         # memory for each picture would take longer than the arithmetic.
         np.multiply(image, 255.5, out=self._bytes, casting="unsafe")
         # four bytes at a time, which is several times faster
