@@ -9,8 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from taichi_disk.computation.driver import State
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import InputError
@@ -23,7 +21,6 @@ from taichi_disk.output.files import (
 )
 from taichi_disk.progress import Progress
 from taichi_disk.render import require_film
-from taichi_disk.render.geometry import View, magnification
 from taichi_disk.render.legend import Legend, Letters, footer
 from taichi_disk.render.moments import (
     WHOLE,
@@ -40,7 +37,7 @@ from taichi_disk.render.moments import (
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.panel import begin_panel
 from taichi_disk.render.pictures import Pictures, arranged
-from taichi_disk.render.recording import Flight, Recording
+from taichi_disk.render.recording import CommonScales, Flight, Recording
 from taichi_disk.render.scales import Scales
 from taichi_disk.render.video import video as encoded
 from taichi_disk.signals import raise_if_interrupted
@@ -185,7 +182,7 @@ def _pictures(
     panel: Callable[[], Any] | None,
     panel_width: int,
 ) -> Pictures:
-    magnify = magnification(video.magnify, max(one.flattest for one in states))
+    common = CommonScales.of(states, video.magnify)
     width = video.size
     enlarged = 1.0
     if len(states) > 1:
@@ -194,26 +191,25 @@ def _pictures(
     size = width, video.size
     legends = []
     for one, title in zip(states, names, strict=True):
-        painter = painter_of(one, video, magnify)
-        painter.limit = max(each.limits[video.colour] for each in states)
-        painter.full_force = max(each.full_force for each in states)
         samples = _samples(list(captions(one.run, shots)))
+        painter = painter_of(one, video, common)
         legends.append(Legend(painter, size, letters, title, samples, enlarged))
-    view = common_view([one.view(magnify) for one in states])
-    if not legends[0].painter.has_elastic_wall and footer(letters, video.size):
+    view = common.view
+    foot = footer(letters, video.size)
+    if foot and not legends[0].painter.has_elastic_wall:
         # the wall's body carries the scales
         view = (*view[:2], max(one.edge for one in states), view[3])
-    outer = [one.outer_positions(magnify) for one in states]
+    outer = [one.outer_positions(common.magnify) for one in states]
     camera = arranged(legends, size, letters, view, outer)
-    below = len(states) * width, footer(letters, video.size)
     paces = {cue.pace for cue in shots}
+    below = len(states) * width, foot
     scales = Scales(legends[0].painter, below, letters, camera.scale, paces)
     return Pictures(
         legends, scales, camera, view, video.supersample, panel, panel_width
     )
 
 
-def painter_of(states: Recording, video: VideoSection, magnify: float) -> Painter:
+def painter_of(states: Recording, video: VideoSection, common: CommonScales) -> Painter:
     """Return the painter that draws the states of one run."""
     scenario = states.run.scenario
     painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
@@ -221,18 +217,12 @@ def painter_of(states: Recording, video: VideoSection, magnify: float) -> Painte
     painter.draw = video.draw
     painter.theme = video.theme
     painter.spoke = scenario.spoke
-    painter.magnify = magnify
-    painter.limit = states.limits[video.colour]
-    painter.full_force = states.full_force
+    painter.magnify = common.magnify
+    painter.limit = common.limits[video.colour]
+    painter.full_force = common.full_force
     painter.full_speed = states.full_speed
     painter.edge = states.edge
     return painter
-
-
-def common_view(views: Sequence[View]) -> View:
-    lows = np.min(views, axis=0)
-    highs = np.max(views, axis=0)
-    return float(lows[0]), float(highs[1]), float(lows[2]), float(highs[3])
 
 
 def _samples(words: Sequence[Caption]) -> list[Caption]:
