@@ -35,7 +35,7 @@ from taichi_disk.render.moments import (
     titles,
 )
 from taichi_disk.render.painter import Painter
-from taichi_disk.render.panel import begin_panel
+from taichi_disk.render.panel import Panel, begin_panel
 from taichi_disk.render.pictures import Pictures, arranged
 from taichi_disk.render.recording import CommonScales, Flight, Recording
 from taichi_disk.render.scales import Scales
@@ -107,28 +107,23 @@ def film(
     else:
         frames = round(video.fps * video.seconds)
         shots = cues(runs, common_span(flights), frames, video.fps, span)
-    letters = Letters(video.size / 720, video.text)
     panel = None
-    panel_width = 0
     if video.panel and video.size >= _MIN_PANEL_SIZE and len(runs) == 1:
-        panel_width = 2 * round(video.size * _PANEL_WIDTH / 2)
-        size = panel_width, video.size
-        letter = letters.size(_PANEL_LETTER)
+        size = 2 * round(video.size * _PANEL_WIDTH / 2), video.size
+        letter = Letters(video.size / 720, video.text).size(_PANEL_LETTER)
         panel = begin_panel(artist or Artist(), runs[0], size, letter, video.theme)
     progress("render", 0, len(shots))
-
-    def make(states: Sequence[Recording]) -> Pictures:
-        return _pictures(
-            states, video, shots, letters, titles(runs, labels), panel, panel_width
-        )
 
     def write(new: Path) -> None:
         times = [cue.t for cue in shots]
         states = [Recording(one, times, [video.colour]) for one in flights]
-        with closing(make(states)) as pictures:
-            size = pictures.width, video.size
-            with encoded(new, path.suffix, size, video.fps, carried) as append:
-                _film(states, shots, pictures, append, progress)
+        pictures = _pictures(states, video, shots, titles(runs, labels), panel)
+        size = pictures.width, video.size
+        with (
+            closing(pictures),
+            encoded(new, path.suffix, size, video.fps, carried) as append,
+        ):
+            _film(states, shots, pictures, append, progress)
 
     return partial(atomic_write, path, write)
 
@@ -177,11 +172,10 @@ def _pictures(
     states: Sequence[Recording],
     video: VideoSection,
     shots: Sequence[Cue],
-    letters: Letters,
     names: Sequence[tuple[str, ...]],
-    panel: Callable[[], Any] | None,
-    panel_width: int,
+    panel: Panel | None,
 ) -> Pictures:
+    letters = Letters(video.size / 720, video.text)
     common = CommonScales.of(states, video.magnify)
     width = video.size
     enlarged = 1.0
@@ -204,9 +198,7 @@ def _pictures(
     paces = {cue.pace for cue in shots}
     below = len(states) * width, foot
     scales = Scales(legends[0].painter, below, letters, camera.scale, paces)
-    return Pictures(
-        legends, scales, camera, view, video.supersample, panel, panel_width
-    )
+    return Pictures(legends, scales, camera, view, video.supersample, panel)
 
 
 def painter_of(states: Recording, video: VideoSection, common: CommonScales) -> Painter:
