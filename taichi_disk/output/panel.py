@@ -111,19 +111,19 @@ def draw_panel(scene: PanelScene) -> PanelPictures:
         axes = _axes(figure, scene)
         lines = []
         for curve in scene.curves:
-            lines += axes[curve.panel].plot(scene.t, curve.values, color=curve.colour)
+            coming = scene.colours["coming"]
+            lines += axes[curve.panel].plot(scene.t, curve.values, color=coming)
         rows = [_rows(line, height) for line in lines]
         boxes = [_box(ax, height) for ax in axes]
         names = _write_names(figure, scene, boxes[2], rows)
-
-        def picture() -> Picture:
-            canvas.draw()
-            return np.asarray(canvas.buffer_rgba())[..., :3].copy()
-
-        past = picture()
-        for line in lines:
-            line.set_color(scene.colours["coming"])
-        return PanelPictures(picture(), past, boxes, rows, names)
+        canvas.draw()
+        image = np.asarray(canvas.buffer_rgba())[..., :3]
+        grey = image.copy()
+        # draws only the curves again, which takes a tenth of the time
+        for curve, line in zip(scene.curves, lines, strict=True):
+            line.set_color(curve.colour)
+            line.axes.draw_artist(line)
+        return PanelPictures(grey, image.copy(), boxes, rows, names)
 
 
 def _axes(figure: Any, scene: PanelScene) -> Any:

@@ -9,8 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from taichi_disk.computation.driver import State
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import InputError
@@ -23,7 +21,6 @@ from taichi_disk.output.files import (
 )
 from taichi_disk.progress import Progress
 from taichi_disk.render import require_film
-from taichi_disk.render.geometry import View, magnification
 from taichi_disk.render.legend import Legend, Letters, footer
 from taichi_disk.render.moments import (
     WHOLE,
@@ -38,9 +35,9 @@ from taichi_disk.render.moments import (
     titles,
 )
 from taichi_disk.render.painter import Painter
-from taichi_disk.render.panel import begin_panel
+from taichi_disk.render.panel import Panel, begin_panel
 from taichi_disk.render.pictures import Pictures, arranged
-from taichi_disk.render.recording import Flight, Recording
+from taichi_disk.render.recording import CommonScales, Flight, Recording
 from taichi_disk.render.scales import Scales
 from taichi_disk.render.video import video as encoded
 from taichi_disk.signals import raise_if_interrupted
@@ -110,28 +107,23 @@ def film(
     else:
         frames = round(video.fps * video.seconds)
         shots = cues(runs, common_span(flights), frames, video.fps, span)
-    letters = Letters(video.size / 720, video.text)
     panel = None
-    panel_width = 0
     if video.panel and video.size >= _MIN_PANEL_SIZE and len(runs) == 1:
-        panel_width = 2 * round(video.size * _PANEL_WIDTH / 2)
-        size = panel_width, video.size
-        letter = letters.size(_PANEL_LETTER)
+        size = 2 * round(video.size * _PANEL_WIDTH / 2), video.size
+        letter = Letters(video.size / 720, video.text).size(_PANEL_LETTER)
         panel = begin_panel(artist or Artist(), runs[0], size, letter, video.theme)
     progress("render", 0, len(shots))
-
-    def make(states: Sequence[Recording]) -> Pictures:
-        return _pictures(
-            states, video, shots, letters, titles(runs, labels), panel, panel_width
-        )
 
     def write(new: Path) -> None:
         times = [cue.t for cue in shots]
         states = [Recording(one, times, [video.colour]) for one in flights]
-        with closing(make(states)) as pictures:
-            size = pictures.width, video.size
-            with encoded(new, path.suffix, size, video.fps, carried) as append:
-                _film(states, shots, pictures, append, progress)
+        pictures = _pictures(states, video, shots, titles(runs, labels), panel)
+        size = pictures.width, video.size
+        with (
+            closing(pictures),
+            encoded(new, path.suffix, size, video.fps, carried) as append,
+        ):
+            _film(states, shots, pictures, append, progress)
 
     return partial(atomic_write, path, write)
 
@@ -180,12 +172,11 @@ def _pictures(
     states: Sequence[Recording],
     video: VideoSection,
     shots: Sequence[Cue],
-    letters: Letters,
     names: Sequence[tuple[str, ...]],
-    panel: Callable[[], Any] | None,
-    panel_width: int,
+    panel: Panel | None,
 ) -> Pictures:
-    magnify = magnification(video.magnify, max(one.flattest for one in states))
+    letters = Letters(video.size / 720, video.text)
+    common = CommonScales.of(states, video.magnify)
     width = video.size
     enlarged = 1.0
     if len(states) > 1:
@@ -194,26 +185,23 @@ def _pictures(
     size = width, video.size
     legends = []
     for one, title in zip(states, names, strict=True):
-        painter = painter_of(one, video, magnify)
-        painter.limit = max(each.limits[video.colour] for each in states)
-        painter.full_force = max(each.full_force for each in states)
         samples = _samples(list(captions(one.run, shots)))
+        painter = painter_of(one, video, common)
         legends.append(Legend(painter, size, letters, title, samples, enlarged))
-    view = common_view([one.view(magnify) for one in states])
-    if not legends[0].painter.has_elastic_wall and footer(letters, video.size):
+    view = common.view
+    foot = footer(letters, video.size)
+    if foot and not legends[0].painter.has_elastic_wall:
         # the wall's body carries the scales
         view = (*view[:2], max(one.edge for one in states), view[3])
-    outer = [one.outer_positions(magnify) for one in states]
+    outer = [one.outer_positions(common.magnify) for one in states]
     camera = arranged(legends, size, letters, view, outer)
-    below = len(states) * width, footer(letters, video.size)
     paces = {cue.pace for cue in shots}
+    below = len(states) * width, foot
     scales = Scales(legends[0].painter, below, letters, camera.scale, paces)
-    return Pictures(
-        legends, scales, camera, view, video.supersample, panel, panel_width
-    )
+    return Pictures(legends, scales, camera, view, video.supersample, panel)
 
 
-def painter_of(states: Recording, video: VideoSection, magnify: float) -> Painter:
+def painter_of(states: Recording, video: VideoSection, common: CommonScales) -> Painter:
     """Return the painter that draws the states of one run."""
     scenario = states.run.scenario
     painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
@@ -221,18 +209,12 @@ def painter_of(states: Recording, video: VideoSection, magnify: float) -> Painte
     painter.draw = video.draw
     painter.theme = video.theme
     painter.spoke = scenario.spoke
-    painter.magnify = magnify
-    painter.limit = states.limits[video.colour]
-    painter.full_force = states.full_force
+    painter.magnify = common.magnify
+    painter.limit = common.limits[video.colour]
+    painter.full_force = common.full_force
     painter.full_speed = states.full_speed
     painter.edge = states.edge
     return painter
-
-
-def common_view(views: Sequence[View]) -> View:
-    lows = np.min(views, axis=0)
-    highs = np.max(views, axis=0)
-    return float(lows[0]), float(highs[1]), float(lows[2]), float(highs[3])
 
 
 def _samples(words: Sequence[Caption]) -> list[Caption]:

@@ -308,11 +308,11 @@ def dot(
     centre: Array, radius: float, style: ArrowStyle, colour: Colour, theme: Theme
 ) -> Shape:
     """Return a filled circle around `centre` (2,), with the rim of an arrow."""
-    turns = np.linspace(0.0, 2.0 * np.pi, _CIRCLE_CORNERS, endpoint=False)
+    turns = np.arange(_CIRCLE_CORNERS) * (2.0 * np.pi / _CIRCLE_CORNERS)
     circle = centre + radius * np.stack([np.cos(turns), np.sin(turns)], axis=1)
     second = np.arange(1, _CIRCLE_CORNERS - 1)
-    triangles = np.stack([0 * second, second, second + 1], axis=1)
-    return _rimmed(circle[None], triangles, style, colour, theme)
+    fan = np.stack([0 * second, second, second + 1], axis=1)
+    return _rimmed(circle[None], fan, style, colour, theme)
 
 
 def _rimmed(

@@ -104,13 +104,10 @@ def colour_map(theme: str, kind: str, bare: bool = False) -> NDArray[np.float32]
 def _curve(
     nodes: tuple[tuple[float, float, float], ...], count: int
 ) -> NDArray[np.float64]:
-    known = np.linspace(0.0, 1.0, len(nodes))
-    at = np.linspace(0.0, 1.0, count)
+    known = np.linspace(0.0, 1.0, len(nodes))[:, None]
     powers = np.arange(len(nodes))
-    return np.asarray(
-        at[:, None] ** powers
-        @ np.linalg.solve(known[:, None] ** powers, np.array(nodes, dtype=float))
-    )
+    coefficients = np.linalg.solve(known**powers, np.array(nodes, dtype=float))
+    return np.asarray(np.linspace(0.0, 1.0, count)[:, None] ** powers @ coefficients)
 
 
 _WHITE = np.array([0.95047, 1.0, 1.08883])  # white point D65
@@ -125,16 +122,14 @@ _XYZ_TO_RGB = np.array(
 
 def lab_to_srgb(lab: NDArray[np.float64]) -> NDArray[np.float64]:
     """Convert CIELAB (..., 3) to sRGB (IEC 61966-2-1), clipped to the gamut."""
-    fy = (lab[..., 0] + 16.0) / 116.0
-    f = np.stack([fy + lab[..., 1] / 500.0, fy, fy - lab[..., 2] / 200.0], axis=-1)
-    xyz = _WHITE * np.where(
-        f > 6.0 / 29.0, f**3, (f - 4.0 / 29.0) * 3.0 * (6.0 / 29.0) ** 2
-    )
+    lightness, green_red, blue_yellow = np.moveaxis(lab, -1, 0)
+    fy = (lightness + 16.0) / 116.0
+    f = np.stack([fy + green_red / 500.0, fy, fy - blue_yellow / 200.0], axis=-1)
+    straight = (f - 4.0 / 29.0) * 3.0 * (6.0 / 29.0) ** 2
+    xyz = _WHITE * np.where(f > 6.0 / 29.0, f**3, straight)
     linear = np.clip(xyz @ _XYZ_TO_RGB.T, 0.0, 1.0)
-    encoded = np.where(
-        linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055
-    )
-    return np.clip(encoded, 0.0, 1.0)
+    power = 1.055 * linear ** (1.0 / 2.4) - 0.055
+    return np.where(linear <= 0.0031308, 12.92 * linear, power)
 
 
 # ---- scales

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,9 +32,9 @@ _RIM = 1.2
 
 def begin_panel(
     artist: Artist, run: Run, size: tuple[int, int], letter: float, theme: str
-) -> Callable[[], Panel]:
-    """Let `artist` begin to draw the panel, and return a function that waits for it.
-    `size`: (width, height) [px]; `letter`: size of the titles' letters [px]."""
+) -> Panel:
+    """Let `artist` begin to draw the panel, and return it. `size`: (width, height)
+    [px]; `letter`: size of the titles' letters [px]."""
     columns = run.columns
     # Twice as many samples as columns are enough, and quick to send.
     times = np.linspace(*_span(run), 2 * size[0])
@@ -60,8 +61,7 @@ def begin_panel(
         letter=letter,
         colours=colours | {"coming": _COMING[theme]},
     )
-    drawn = artist.begin(draw_panel, scene)
-    return lambda: Panel(drawn(), scene)
+    return Panel(artist.begin(draw_panel, scene), scene)
 
 
 def _span(run: Run) -> tuple[float, float]:
@@ -75,12 +75,13 @@ def _span(run: Run) -> tuple[float, float]:
 
 
 class Panel:
-    """Repaints what changes from one picture to the next."""
+    """Repaints what changes from one picture to the next. `width` [px]."""
 
-    def __init__(self, pictures: PanelPictures, scene: PanelScene) -> None:
-        unit = scene.size[1] / 720
+    def __init__(self, drawn: Callable[[], PanelPictures], scene: PanelScene) -> None:
+        self.width, height = scene.size
+        unit = height / 720
         self._span = scene.t[[0, -1]]
-        self._pictures = pictures
+        self._drawn = lru_cache(drawn)
         self._cursor = np.rint(255.0 * np.asarray(scene.colours["faint"]))
         self._cursor_width = max(round(2.0 * unit), 1)
         # Each dot covers a square of pixels, by parts from 0 to 1.
@@ -99,33 +100,33 @@ class Panel:
     def draw(self, picture: Picture, t: float) -> None:
         """Draw the curves up to `t` [R/c] into `picture` (height, width, 3), which is
         the same at each call."""
-        left, right, _, _ = self._pictures.boxes[0]
-        width = picture.shape[1]
+        pictures = self._drawn()
+        left, right, _, _ = pictures.boxes[0]
         start, end = self._span
         column = left + round((right - left - 1) * (t - start) / (end - start))
         now = max(column, left)
         if now >= right:
-            now = width
-        changed = slice(0, width)
+            now = self.width
+        changed = slice(0, self.width)
         if self._last is not None:
             first = max(min(self._last, now) - self._reach, 0)
             changed = slice(first, max(self._last, now) + self._reach + 1)
         self._last = now
-        picture[:, changed] = self._pictures.coming[:, changed]
+        picture[:, changed] = pictures.coming[:, changed]
         past = slice(changed.start, now)
-        picture[:, past] = self._pictures.past[:, past]
+        picture[:, past] = pictures.past[:, past]
         if left <= column < right:
-            self._draw_cursor(picture, column)
+            self._draw_cursor(picture, pictures, column)
 
-    def _draw_cursor(self, picture: Picture, now: int) -> None:
-        left = self._pictures.boxes[0][0]
+    def _draw_cursor(self, picture: Picture, pictures: PanelPictures, now: int) -> None:
         columns = slice(now, now + self._cursor_width)
-        for _, _, top, bottom in self._pictures.boxes:
+        left = pictures.boxes[0][0]
+        for _, _, top, bottom in pictures.boxes:
             picture[top:bottom, columns] = self._cursor
-        for first, last, top, bottom in self._pictures.names:
+        for first, last, top, bottom in pictures.names:
             if first <= columns.stop and columns.start <= last:
-                picture[top:bottom, columns] = self._pictures.past[top:bottom, columns]
-        for rows, dot in zip(self._pictures.rows, self._dots, strict=True):
+                picture[top:bottom, columns] = pictures.past[top:bottom, columns]
+        for rows, dot in zip(pictures.rows, self._dots, strict=True):
             top = round(float(rows[now - left])) - self._reach
             first = now - self._reach
             size = len(dot)

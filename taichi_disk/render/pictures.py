@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,24 +96,24 @@ class Pictures:
         camera: Camera,
         view: View,
         supersample: float,
-        panel: Callable[[], Panel] | None = None,
-        panel_width: int = 0,
+        panel: Panel | None = None,
     ) -> None:
         """
         Args:
             camera: of the picture of one disk, whose width and height are even.
             view: what it shows (xmin, xmax, ymin, ymax) [R].
             supersample: samples across a pixel, 1, 1.5 or 2.
-            panel: returns the panel of curves, when it is needed.
+            panel: curves at the right.
         """
         self._legends = legends
         self._scales = scales
         self._one_width = camera.width
         self._disks = len(legends) * camera.width
-        self.width = self._disks + panel_width
+        self.width = self._disks
+        if panel:
+            self.width += panel.width
         self._supersample = supersample
-        self._begin_panel = panel
-        self._panel: Panel | None = None
+        self._panel = panel
         self._rows, self._columns = _drawn(camera, view)
         self._camera = camera.cropped(self._rows, self._columns, supersample)
         self._unit = camera.height / 720 * supersample
@@ -168,8 +168,7 @@ class Pictures:
                 line.draw(self._draw, k * self._one_width, 0.0)
         for line in self._scales.pace_lines(captions[0].pace):
             line.draw(self._draw, 0.0, self._footer)
-        if self._begin_panel:
-            self._panel = self._panel or self._begin_panel()
+        if self._panel:
             self._panel.draw(self._picture[:, self._disks :, :3], t)
         return self._picture
 
@@ -180,8 +179,8 @@ class Pictures:
     def _place(self, part: NDArray[np.uint32], image: NDArray[np.float32]) -> None:
         """Place GGUI's image into the picture of a disk. Columns beside it show only
         the background and a rigid wall, so they repeat the outermost ones."""
-        # GGUI made k/255 of each byte k, so 255.5 times this is between k and k + 1.
-        # New memory for each picture would take longer than the arithmetic.
+        # GGUI made k/255 of each byte k, so 255.5 times this lies from k to k + 1. New
+        # memory for each picture would take longer than the arithmetic.
         np.multiply(image, 255.5, out=self._bytes, casting="unsafe")
         # four bytes at a time, which is several times faster
         pixels = shrunk(self._bytes, self._supersample).view(np.uint32)[..., 0]

@@ -13,7 +13,13 @@ from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.computation.driver import State
 from taichi_disk.fields import Triangles, at_points
 from taichi_disk.lattice import Array
-from taichi_disk.render.geometry import View, edge_height, flattening, placed
+from taichi_disk.render.geometry import (
+    View,
+    edge_height,
+    flattening,
+    magnification,
+    placed,
+)
 from taichi_disk.render.moments import Run, contact_of
 from taichi_disk.render.palette import full_scale, round_near
 from taichi_disk.statics.equilibrium import turned
@@ -143,7 +149,6 @@ class Recording:
         self._flight = flight
         self.times = np.unique(times)
         self._peak = greatest_compression(self.run.columns)
-        self._outer: list[Array] = []  # positions that the view contains
         self._scale_states = self._replay()
         scale = [(x, v) for t, x, v in self._scale_states if t <= self._peak]
         self.limits = self._limits(scale, quantities)
@@ -157,10 +162,6 @@ class Recording:
         self.full_force = round_near(full) if full else 0.0
         self.edge = edge_height(wall, self.largest_force)
         self.flattest = flattening(lattice, x)
-
-    @property
-    def is_film(self) -> bool:
-        return len(self.times) > 1
 
     @property
     def full_speed(self) -> float:
@@ -190,19 +191,18 @@ class Recording:
         ]
 
     def _sampled(self) -> Array:
-        ends = self.times[[0, -1]]
-        if not self.is_film:
-            return np.union1d(ends, [self._peak])
+        first = self.times[0]
+        if len(self.times) == 1:
+            return np.union1d(first, self._peak)
         start, _ = contact_of(self.run)
         contact = np.linspace(min(start, self._peak), self._peak, _SCALE_TIMES)
-        self._outer.append(self._end_positions(float(ends[1])))
-        return np.union1d(ends[:1], contact)
+        return np.union1d(first, contact)
 
-    def _end_positions(self, t: float) -> Array:
+    def _end_positions(self) -> Array:
         """Return approximate positions at the end of the film: after the end of the
         run, the disk moves on without changing its shape."""
         columns = self.run.columns
-        beyond = max(t - float(columns["t"][-1]), 0.0)
+        beyond = max(self.times[-1] - columns["t"][-1], 0.0)
         velocity = np.array([columns["com_vx"][-1], columns["com_vy"][-1]])
         return self.run.positions + beyond * velocity
 
@@ -225,7 +225,9 @@ class Recording:
         farthest."""
         lattice = self.run.scenario.lattice
         states = [x for _, x, _ in self._scale_states]
-        states += [x for x in self._outer if x[:, 1].max() < _MAX_HEIGHT]
+        end = self._end_positions()
+        if len(self.times) > 1 and end[:, 1].max() < _MAX_HEIGHT:
+            states.append(end)
         return [placed(lattice, x, magnify)[: lattice.disk_points] for x in states]
 
     def view(self, magnify: float) -> View:
@@ -250,3 +252,38 @@ class Recording:
         if self._is_twice:
             return self._flight.frames(self.times)
         return (moment for t, moment in self._rest if t in self.times)
+
+
+# ---- several recordings
+
+
+@dataclass(frozen=True)
+class CommonScales:
+    """What the pictures of compared runs have in common.
+
+    Attributes:
+        magnify: factor on displacements.
+        limits, full_force: the largest of all recordings.
+        view: bounds (xmin, xmax, ymin, ymax) [R] of all disks.
+    """
+
+    magnify: float
+    limits: dict[str, float]
+    full_force: float
+    view: View
+
+    @classmethod
+    def of(cls, states: Sequence[Recording], magnify: float | str) -> CommonScales:
+        """Return the scales of recordings; "auto" chooses the factor on
+        displacements."""
+        factor = magnification(magnify, max(one.flattest for one in states))
+        views = [one.view(factor) for one in states]
+        left, _, low, _ = np.min(views, axis=0).tolist()
+        _, right, _, high = np.max(views, axis=0).tolist()
+        names = states[0].limits
+        return cls(
+            magnify=factor,
+            limits={name: max(one.limits[name] for one in states) for name in names},
+            full_force=max(one.full_force for one in states),
+            view=(left, right, low, high),
+        )

@@ -22,7 +22,7 @@ from taichi_disk.render.geometry import Shape, View, wall_body
 from taichi_disk.render.moments import Run, Span, still_cue
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import THEMES
-from taichi_disk.render.recording import Flight, Recording
+from taichi_disk.render.recording import CommonScales, Flight, Recording
 
 _SPRING_WIDTH = 0.3  # [points]
 _OUTLINE_WIDTH = 0.9  # [points]
@@ -53,20 +53,21 @@ def draw_state(
             ax = figure.subplots()
         name, _, unit = run.scenario.time_label.partition("  ")
         title = f"{name} = {cue.t:.4g} {unit.strip('[]')}".strip()
-        _draw(ax, states, painter_of(states, video, 1.0), x, v)
+        common = CommonScales.of([states], 1.0)
+        _draw(ax, common.view, painter_of(states, video, common), x, v)
         ax.set(xlabel="x  [R]", ylabel="y  [R]", title=title)
         whole: Any = ax.figure
         whole.draw_without_rendering()
     return whole
 
 
-def _draw(ax: Axes, states: Recording, painter: Painter, x: Any, v: Any) -> None:
+def _draw(ax: Axes, view: View, painter: Painter, x: Any, v: Any) -> None:
     painter.draw = "both"  # "springs" would leave the field without colours
     theme = THEMES[painter.theme]
-    xmin, xmax, ymin, ymax = states.view(1.0)
+    xmin, xmax, ymin, ymax = view
     ax.set(xlim=(xmin, xmax), ylim=(ymin, ymax), aspect="equal", facecolor=theme.ground)
     ax.grid(visible=False)
-    haze, solid = _wall(painter, x, (xmin, xmax, ymin, ymax))
+    haze, solid = _wall(painter, x, view)
     _add_mesh(ax, *haze, order=1.0)
     _draw_field(ax, painter, x, v)
     if painter.colour != "fringes":

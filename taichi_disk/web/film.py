@@ -25,8 +25,7 @@ from taichi_disk.output.panel import ON_DARK
 from taichi_disk.output.plot import axis_labels, curves
 from taichi_disk.progress import Progress
 from taichi_disk.render import film as pictures
-from taichi_disk.render.film import common_span, common_view
-from taichi_disk.render.geometry import magnification
+from taichi_disk.render.film import common_span
 from taichi_disk.render.moments import (
     MOMENTS,
     WHOLE,
@@ -40,7 +39,7 @@ from taichi_disk.render.moments import (
     time_of,
     titles,
 )
-from taichi_disk.render.recording import Flight, Recording
+from taichi_disk.render.recording import CommonScales, Flight, Recording
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.web.drawing import (
     DRAWING,
@@ -111,18 +110,14 @@ def _packed(
     progress: Progress,
 ) -> bytes:
     """Return the compressed head, in JSON, and the arrays of all runs."""
-    magnify = magnification(video.magnify, max(one.flattest for one in states))
-    video = replace(video, magnify=magnify)
-    common = {
-        "view": [*common_view([one.view(1.0) for one in states])],
-        "full_force": max(one.full_force for one in states),
-    }
-    limits = {name: max(one.limits[name] for one in states) for name in QUANTITIES}
+    common = CommonScales.of(states, video.magnify)
+    video = replace(video, magnify=common.magnify)
+    shared = {"view": common.view, "full_force": common.full_force}
     data = b""
     runs = []
     for k, (one, title) in enumerate(zip(states, names, strict=True)):
         progress("render", k, len(states))
-        arrays, facts = _recorded(one, limits)
+        arrays, facts = _recorded(one, common.limits)
         places = {}
         for name, array in arrays.items():
             data += bytes(-len(data) % 4)
@@ -131,7 +126,7 @@ def _packed(
         scene = scene_message(one.run.scenario, video, largest_force=one.largest_force)
         runs.append(
             {
-                "scene": scene | common | {"title": list(title)},
+                "scene": scene | shared | {"title": title},
                 "states": len(one.times),
                 "captions": [_words(each) for each in captions(one.run, shots)],
                 "full_speed": one.full_speed,
