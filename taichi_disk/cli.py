@@ -105,7 +105,9 @@ def _out(arguments: argparse.Namespace, suffix: str = "") -> Path:
     if arguments.out:
         return Path(arguments.out)
     name = Path(arguments.scene).name
-    name = name.removesuffix(".yaml").removesuffix(".yml")
+    stem = name.removesuffix(".yaml").removesuffix(".yml")
+    if stem.strip("."):  # for "...yaml" the folder would be out/..
+        name = stem
     return Path("out", name + suffix)
 
 
