@@ -104,11 +104,10 @@ def _options(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
 def _out(arguments: argparse.Namespace, suffix: str = "") -> Path:
     if arguments.out:
         return Path(arguments.out)
-    scene = Path(arguments.scene)
-    name = scene.name
-    # for "...yaml" the folder would be out/..
-    if scene.suffix in (".yaml", ".yml") and scene.stem.strip("."):
-        name = scene.stem
+    name = Path(arguments.scene).name
+    stem = name.removesuffix(".yaml").removesuffix(".yml")
+    if stem.strip("."):  # for "...yaml" the folder would be out/..
+        name = stem
     return Path("out", name + suffix)
 
 
@@ -136,14 +135,11 @@ def _run(arguments: argparse.Namespace) -> int:
     print_result(summary, result.scenario.labels, result.out)
     for text in summary.get("notes", ()):
         _say(text)
-    errors = [summary.get("video_error"), summary.get("export_error")]
-    if summary["status"] != "done":
-        errors.append(summary["reason"])
-    failed = False
-    for text in filter(None, errors):
+    faults = [summary.get(name) for name in ("video_error", "export_error", "reason")]
+    faults = [text for text in faults if text]
+    for text in faults:
         _print_error(f"error: {text}")
-        failed = True
-    return int(failed)
+    return int(bool(faults))
 
 
 def _sweep(arguments: argparse.Namespace) -> int:
@@ -209,7 +205,11 @@ def _render(arguments: argparse.Namespace) -> None:
         others = [load(folder) for folder in arguments.compare]
         out = arguments.out
         if not out:
-            out = arguments.folder / _film_name(result.scene.video.format, bool(others))
+            name = "comparison" if others else "render"
+            form = result.scene.video.format
+            if form != "png":  # pictures are in a folder
+                name += f".{form}"
+            out = arguments.folder / name
         result.film(
             out,
             others,
@@ -223,15 +223,6 @@ def _render(arguments: argparse.Namespace) -> None:
     if out.suffix == ".png":
         what = "picture"
     print(f"{what} in {out}")
-
-
-def _film_name(form: str, is_comparison: bool) -> str:
-    name = "render"
-    if is_comparison:
-        name = "comparison"
-    if form == "png":  # a folder of pictures
-        return name
-    return f"{name}.{form}"
 
 
 def _export(arguments: argparse.Namespace) -> None:
@@ -484,13 +475,11 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _shipped(has_sweep: bool = False) -> str:
-    texts = {
-        name: path.read_text(encoding="utf-8")
-        for name, path in shipped_scenes().items()
-    }
-    return ", ".join(
-        name for name, text in texts.items() if ("\nsweep:" in text) == has_sweep
-    )
+    names = []
+    for name, path in shipped_scenes().items():
+        if ("\nsweep:" in path.read_text(encoding="utf-8")) == has_sweep:
+            names.append(name)
+    return ", ".join(names)
 
 
 def _add_scene(

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, identity
 
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.lattice import double_area, pair_keys
@@ -112,12 +112,15 @@ def field(
     - speed, kinetic: of each point; for the disk, relative to its centre of mass.
     """
     kind = QUANTITIES[name]
-    compute = own_values if at == "own" else at_points
+    place: Support = "points"
+    compute = at_points
+    if at == "own":
+        place = kind.on
+        compute = own_values
     values = compute(name, Triangles(lattice), springs, x, v)
-    place = kind.on if at == "own" else "points"
-    return Field(
-        fringes(0.5 * values) if name == "fringes" else values, place, kind.unit
-    )
+    if name == "fringes":
+        values = fringes(0.5 * values)
+    return Field(values, place, kind.unit)
 
 
 def own_values(
@@ -126,10 +129,8 @@ def own_values(
     """Return the quantity `name` on the triangles, springs or points to which it
     belongs; of fringes twice shear."""
     lattice = triangles.lattice
-    if name == "pressure":
-        return pressure(stress(triangles, springs, x))
-    if name == "shear":
-        return shear(stress(triangles, springs, x))
+    if name in _OF_STRESS:
+        return _OF_STRESS[name](stress(triangles, springs, x))
     if name == "fringes":
         return 2.0 * shear(smooth_stress(triangles, springs, x))
     if name == "rate":
@@ -142,7 +143,9 @@ def own_values(
     relative = v.copy()
     relative[:n] -= lattice.masses[:n] @ v[:n] / lattice.masses[:n].sum()
     speed = np.hypot(relative[:, 0], relative[:, 1])
-    return speed if name == "speed" else 0.5 * lattice.masses * speed**2
+    if name == "speed":
+        return speed
+    return 0.5 * lattice.masses * speed**2
 
 
 def at_points(
@@ -152,23 +155,18 @@ def at_points(
     between these values.
 
     Triangles around a point are weighted with their areas, springs at a point equally.
-    Shear is computed from
-    the averaged stress. For "fringes" the result is twice the shear, the argument of
-    `fringes`.
+    Shear is computed from the averaged stress. For "fringes" the result is twice the
+    shear, the argument of `fringes`.
     """
-    if name in ("pressure", "shear"):
-        return (pressure if name == "pressure" else shear)(
-            point_stress(triangles, springs, x)
-        )
+    if name in _OF_STRESS:
+        return _OF_STRESS[name](point_stress(triangles, springs, x))
     if name == "rate":
-        return -triangles.around(triangles.area_rates(x, v)) / triangles.areas_around(x)
+        rates = triangles.around(triangles.area_rates(x, v))
+        return -rates / triangles.around(triangles.areas(x))
     values = own_values(name, triangles, springs, x, v)
     if QUANTITIES[name].on == "springs":
         ends = triangles.lattice.bonds.ravel()
-        n = len(x)
-        return np.bincount(ends, np.repeat(values, 2), n) / np.maximum(
-            np.bincount(ends, minlength=n), 1
-        )
+        return np.bincount(ends, np.repeat(values, 2)) / np.bincount(ends)
     return values
 
 
@@ -180,7 +178,10 @@ def fringes(largest_shear: Array, fringe: float = 0.0) -> Array:
     difference per fringe, by default such that there are FRINGES in all.
     """
     maximum = float(largest_shear.max(initial=0.0))
-    fringe = fringe or (2.0 * maximum / FRINGES if maximum > STRESS_ROUNDING else 1.0)
+    if not fringe:
+        fringe = 1.0
+        if maximum > STRESS_ROUNDING:
+            fringe = 2.0 * maximum / FRINGES
     return np.asarray(np.sin(2.0 * np.pi * largest_shear / fringe) ** 2)
 
 
@@ -198,22 +199,18 @@ class Triangles:
         crossing: (k, 2) int32 springs that are no side of a triangle.
         interfaces: (k, 2) int32 sides between materials of different stiffness; empty
             beyond MAX_MATERIALS.
-        carried, gathered: sparse matrices (t, m) and (n, m) that sum what springs carry
-            over a triangle, and over the triangles around a point.
+        carried: sparse matrix (t, m) that sums what springs carry over a triangle.
     """
 
     def __init__(self, lattice: Lattice) -> None:
         self.lattice = lattice
-        self.triangles = np.ascontiguousarray(
-            lattice.triangles, dtype=np.int32
-        ).reshape(-1, 3)
+        self.triangles = lattice.triangles
         self._corners = np.ascontiguousarray(self.triangles.T, dtype=np.intp)
         n = len(lattice.positions)
         m = len(lattice.bonds)
         t = len(self.triangles)
-        ends = np.stack(
-            [self.triangles, np.roll(self.triangles, -1, axis=1)], axis=-1
-        ).reshape(-1, 2)
+        corners = [self.triangles, np.roll(self.triangles, -1, axis=1)]
+        ends = np.stack(corners, axis=-1).reshape(-1, 2)
         # possible because bonds are sorted
         sides = np.searchsorted(pair_keys(lattice.bonds, n), pair_keys(ends, n))
         count = np.bincount(sides, minlength=m)
@@ -224,18 +221,16 @@ class Triangles:
         if lattice.stiffness is not None:
             # stiffness of each triangle
             stiffness = np.median(lattice.stiffness[sides].reshape(-1, 3), axis=1)
-            minimum = np.full(m, np.inf)
-            maximum = np.zeros(m)
-            np.minimum.at(minimum, sides, np.repeat(stiffness, 3))
-            np.maximum.at(maximum, sides, np.repeat(stiffness, 3))
             if len(np.unique(stiffness)) <= MAX_MATERIALS:
-                self.interfaces = lattice.bonds[maximum > minimum]
-        self._min_area = (
-            0.5 * MIN_AREA * np.abs(double_area(lattice.positions[self.triangles]))
-        )
-        # Four matrices for sums: `carried` over the springs of a triangle, `_around`
-        # over the triangles around a point, `gathered` over the springs of all these
-        # triangles, `_neighbours` over a point and its neighbours.
+                at_side = np.repeat(stiffness, 3)
+                mean = self.fraction * np.bincount(sides, at_side, m)
+                differs = np.unique(sides[at_side != mean[sides]])
+                self.interfaces = lattice.bonds[differs]
+        area = np.abs(double_area(lattice.positions[self.triangles]))
+        self._min_area = 0.5 * MIN_AREA * area
+        # Three matrices for sums: `carried` over the springs of a triangle, `_around`
+        # over the triangles around a point, `_neighbours` over a point and its
+        # neighbours.
         owner = np.repeat(np.arange(t), 3)
         ones = np.ones(3 * t)
         self.carried = csr_array((self.fraction[sides], (owner, sides)), (t, m))
@@ -246,11 +241,8 @@ class Triangles:
             fraction = 0.5 / self._around.sum(axis=1)[point]
             ends = csr_array((fraction, (point, np.repeat(crossing, 2))), (n, m))
             self.carried = csr_array(self.carried + self._around.T @ ends)
-        self.gathered = csr_array(self._around @ self.carried)
-        points = np.arange(n)
-        i, j = lattice.bonds.T
-        pairs = np.concatenate([points, i, j]), np.concatenate([points, j, i])
-        self._neighbours = csr_array((np.ones(n + 2 * m), pairs), (n, n))
+        pairs = csr_array((np.ones(m), lattice.bonds.T), (n, n))
+        self._neighbours = csr_array(pairs + pairs.T + identity(n))
 
     def _edges(self, x: Array) -> tuple[Array, Array]:
         # Gathering columns is several times faster than gathering pairs.
@@ -287,14 +279,9 @@ class Triangles:
         return np.stack([pull * rx * rx, pull * ry * ry, pull * rx * ry], axis=1)
 
     def around(self, integrals: Array) -> Array:
-        """Return the sums (n,) of `integrals` (t,) over the triangles around each
-        point."""
+        """Return the sums (n, ...) of `integrals` (t, ...) over the triangles around
+        each point."""
         return np.asarray(self._around @ integrals)
-
-    def areas_around(self, x: Array) -> Array:
-        """Return the sums (n,) of the areas of the triangles around each point [R^2],
-        above 0."""
-        return np.maximum(self.around(self.areas(x)), 1e-300)
 
     def smoothed(self, values: Array, passes: int) -> Array:
         """Replace point values (n, k) by the mean of the point and its neighbours,
@@ -308,19 +295,16 @@ class Triangles:
 def stress(triangles: Triangles, springs: Springs, x: Array) -> Array:
     """Return the stress of each triangle: xx, yy and xy (t, 3) [M c^2/R^2], positive
     under tension; `x` (n, 2) [R]."""
-    return (
-        np.asarray(triangles.carried @ triangles.virials(springs, x))
-        / triangles.areas(x)[:, None]
-    )
+    integrals = triangles.carried @ triangles.virials(springs, x)
+    return np.asarray(integrals / triangles.areas(x)[:, None])
 
 
 def point_stress(triangles: Triangles, springs: Springs, x: Array) -> Array:
     """Return the stress at the points (n, 3): the area-weighted mean over the triangles
     around each."""
-    return (
-        np.asarray(triangles.gathered @ triangles.virials(springs, x))
-        / triangles.areas_around(x)[:, None]
-    )
+    integrals = triangles.carried @ triangles.virials(springs, x)
+    areas = triangles.around(triangles.areas(x))
+    return triangles.around(integrals) / areas[:, None]
 
 
 def smooth_stress(triangles: Triangles, springs: Springs, x: Array) -> Array:
@@ -344,3 +328,6 @@ def shear(sigma: Array) -> Array:
     """Return the maximum shear stress, half the difference of the principal stresses,
     of (..., 3) [M c^2/R^2]."""
     return np.hypot(0.5 * (sigma[..., 0] - sigma[..., 1]), sigma[..., 2])
+
+
+_OF_STRESS = {"pressure": pressure, "shear": shear}

@@ -43,12 +43,10 @@ MATERIAL = {
     ("lattice", "min_spacing"),
     ("lattice", "file"),
 }
-EQUATIONS = {"eq5": "eq. (5)", "eq4": "eq. (4)"}
-PARAMETERS = {"eq5": "d₁ and d₂", "eq4": "τ₀"}
-LINES = {"eq5": "-", "eq4": ":"}
-# Lines of laws that do not hold: long dashes instead of a solid line, short ones
+# Line styles of laws that do not hold: long dashes instead of a solid line, short ones
 # instead of a dotted line.
-MISFIT: dict[str, Any] = {"-": (0.0, (7.0, 2.5)), ":": (0.0, (2.5, 2.0))}
+LONG_DASHES: Any = (0.0, (7.0, 2.5))
+SHORT_DASHES: Any = (0.0, (2.5, 2.0))
 METADATA: dict[str, dict[str, Any]] = {
     "png": {"Software": None},
     "svg": {"Date": None},
@@ -384,8 +382,8 @@ def _compression(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None
     style = "-"
     text = f"eq. (2), b = {b:.3f} fitted"
     if not fit.holds:
-        style = MISFIT["-"]
-        text = "eq. (2)" + _misfit_text([fit.misfit])
+        style = LONG_DASHES
+        text = "eq. (2), which fails"
     ax.plot(
         paper_compression(P, E, nu, b), force, linestyle=style, color=SUM, label=text
     )
@@ -400,17 +398,8 @@ def _impact(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None:
     ax.set_xlabel("impact speed  v/c")
     ax.set_ylabel("coefficient of restitution  e")
     colours = _points(ax, curves, lambda c: (c.x, c.mean))
-    for curve, colour in zip(curves, colours, strict=True):
-        for name, style in LINES.items():
-            fit = curve.fits.get(name)
-            if fit is not None and np.isfinite(list(fit.values.values())).all():
-                v, e = LAWS[name](curve, fit)
-                if not fit.holds:
-                    style = MISFIT[style]
-                ax.plot(v, e, linestyle=style, color=colour)
-    for name in LINES:
-        fits = [curve.fits[name] for curve in curves if name in curve.fits]
-        _explain_lines(ax, name, fits)
+    for law in LAWS:
+        _draw_law(ax, law, curves, colours)
     x = np.concatenate([curve.x for curve in curves])
     if paper:
         v = np.geomspace(x.min(), x.max(), 80)
@@ -432,30 +421,41 @@ def _eq4(curve: Curve, fit: Fit) -> tuple[Array, Array]:
     return curve.x, predict(np.array([fit.values["tau0"]]))[0]
 
 
-def _explain_lines(ax: Axes, name: str, fits: Sequence[Fit]) -> None:
-    """Add a law's line to the legend, and its line where it does not hold."""
-    title = EQUATIONS[name]
-    style = LINES[name]
-    misfits = [fit.misfit for fit in fits if not fit.holds]
-    if len(misfits) < len(fits):
-        text = f"{title}, {PARAMETERS[name]} fitted"
-        ax.plot([], [], style, color=GREY, label=text)
-    if misfits:
-        text = title + _misfit_text(misfits)
-        ax.plot([], [], linestyle=MISFIT[style], color=GREY, label=text)
+class DrawnLaw(NamedTuple):
+    """A law of figures 3 and 6 and the styles of its lines."""
+
+    fit: str
+    title: str
+    fitted: str  # title where the law holds
+    line: Callable[[Curve, Fit], tuple[Array, Array]]
+    style: str
+    misfit_style: Any
 
 
-def _misfit_text(misfits: Sequence[float]) -> str:
-    """Return what the legend says of a law that does not hold: residuals in bars."""
-    lowest = theory.times(min(misfits))
-    highest = theory.times(max(misfits))
-    ratios = f"{lowest} to {highest}"
-    if lowest == highest:
-        ratios = lowest
-    return f" fails: {ratios} × bars"
+LAWS = (
+    DrawnLaw("eq5", "eq. (5)", "eq. (5), d₁ and d₂ fitted", _eq5, "-", LONG_DASHES),
+    DrawnLaw("eq4", "eq. (4)", "eq. (4), τ₀ fitted", _eq4, ":", SHORT_DASHES),
+)
 
 
-LAWS = {"eq5": _eq5, "eq4": _eq4}  # functions that return the line of a law
+def _draw_law(
+    ax: Axes, law: DrawnLaw, curves: Sequence[Curve], colours: Sequence[Any]
+) -> None:
+    """Draw the line of a law for each curve, and add both styles to the legend."""
+    labels = {}
+    for curve, colour in zip(curves, colours, strict=True):
+        fit = curve.fits.get(law.fit)
+        if fit is None or not np.isfinite(list(fit.values.values())).all():
+            continue
+        style = law.style
+        label = law.fitted
+        if not fit.holds:
+            style = law.misfit_style
+            label = f"{law.title} where it fails"
+        labels[label] = style
+        ax.plot(*law.line(curve, fit), linestyle=style, color=colour)
+    for label, style in labels.items():
+        ax.plot([], [], linestyle=style, color=GREY, label=label)
 
 
 class PaperFigure(NamedTuple):

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from taichi_disk.figures.curves import CURVE_KEYS, FITS
-from taichi_disk.figures.theory import times
 
 
 def curve_rows(
@@ -53,7 +52,7 @@ def _fit_text(fit: dict[str, Any]) -> str:
         parts.append(part)
     if not fit["holds"]:
         parts.append(
-            f"rms {fit['rms_residual']:.2g}, {times(fit['rms_over_scatter'])} times the"
+            f"rms {fit['rms_residual']:.2g}, {fit['rms_over_scatter']:.1f} times the"
             " scatter: the law does not hold here"
         )
     return "   ".join(parts)

@@ -282,10 +282,3 @@ def _fit(
         residuals=y.mean(0) - law(*best),
         scatter=scatter,
     )
-
-
-def times(ratio: float) -> str:
-    """Return a ratio with one digit after the point if it is below 10."""
-    if ratio < 9.95:
-        return f"{ratio:.1f}"
-    return f"{ratio:.0f}"

@@ -162,16 +162,17 @@ def polygon_area(corners: Array) -> float:
     """Return the area [R^2] of the polygon with `corners` (n, 2), positive if
     counter-clockwise."""
     arm = corners - corners[0]
-    return 0.5 * float(np.sum(_cross(arm, np.roll(arm, -1, axis=0))))
+    return 0.5 * float(np.sum(cross(arm, np.roll(arm, -1, axis=0))))
 
 
 def double_area(corner: Array) -> Array:
     """Return twice the areas (t,) [R^2] of triangles with corners (t, 3, 2), positive
     if counter-clockwise."""
-    return _cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    return cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
 
 
-def _cross(a: Array, b: Array) -> Array:
+def cross(a: Array, b: Array) -> Array:
+    """Return the cross products (k,) of vectors (k, 2)."""
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 

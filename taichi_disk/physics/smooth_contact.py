@@ -71,16 +71,19 @@ class SmoothElasticWall(ElasticWall):
         return chain[:-2] + 0.5 * chords[:-1], chain[2:] - 0.5 * chords[1:]
 
     def geometry(self, x: Array, ends: Array) -> tuple[Array, Array, Array]:
-        chord = ends[:, 1] - ends[:, 0]
-        bend = ends[:, 2] - ends[:, 1] - chord
-        start = ends[:, 0] + 0.5 * chord
+        before, middle, after = ends.swapaxes(0, 1)
+        chord = middle - before
+        bend = after - middle - chord
+        start_x, start_y = (before + 0.5 * chord).T
+        chord_x, chord_y = chord.T
+        bend_x, bend_y = bend.T
         # stable root of bend t^2/2 + chord t = distance, for either sign of bend
-        distance = x[:, 0] - start[:, 0]
-        discriminant = chord[:, 0] ** 2 + 2.0 * bend[:, 0] * distance
-        t = 2.0 * distance / (chord[:, 0] + np.sqrt(np.maximum(discriminant, 0.0)))
-        surface = start[:, 1] + t * (chord[:, 1] + 0.5 * t * bend[:, 1])
-        height = x[:, 1] - surface
-        slope = (chord[:, 1] + t * bend[:, 1]) / (chord[:, 0] + t * bend[:, 0])
+        distance = x[:, 0] - start_x
+        discriminant = chord_x**2 + 2.0 * bend_x * distance
+        root = np.sqrt(np.maximum(discriminant, 0.0))
+        t = 2.0 * distance / (chord_x + root)
+        height = x[:, 1] - (start_y + t * (chord_y + 0.5 * t * bend_y))
+        slope = (chord_y + t * bend_y) / (chord_x + t * bend_x)
         direction = np.stack([-slope, np.ones_like(t)], axis=1)
         shares = np.stack([0.5 * (1.0 - t) ** 2, 0.5 + t - t * t, 0.5 * t * t], axis=1)
         return height, direction, shares

@@ -143,13 +143,10 @@ class Springs(Law):
 
     @ti.func
     def differences(self, pair: ti.template(), block):
-        x, y = ti.static(pair[0], pair[1])
-        i = [self.first[k][block] for k in range(BLOCK)]
-        j = [self.second[k][block] for k in range(BLOCK)]
         # x and y of a point are adjacent in memory, so one instruction loads or
         # subtracts both.
         d = [
-            ti.Vector([x[i[k]], y[i[k]]]) - ti.Vector([x[j[k]], y[j[k]]])
+            get(pair, self.first[k][block]) - get(pair, self.second[k][block])
             for k in range(BLOCK)
         ]
         dx = ti.Vector([vector[0] for vector in d])

@@ -12,6 +12,7 @@ import numpy as np
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.network import symmetric_factors
+from taichi_disk.lattice.triangles import cross
 from taichi_disk.physics import ExponentialWall, Model
 from taichi_disk.signals import raise_if_interrupted
 
@@ -151,8 +152,7 @@ def _factors(matrix: Any, shift: float) -> Any:
 
 def _rotation(x: Array, move: Array) -> float:
     arm = x - x.mean(axis=0)
-    cross = arm[:, 0] * move[:, 1] - arm[:, 1] * move[:, 0]
-    return float(np.sum(cross) / np.sum(arm * arm))
+    return float(np.sum(cross(arm, move)) / np.sum(arm * arm))
 
 
 def _moved(x: Array, move: Array) -> Array:
@@ -171,9 +171,7 @@ def roll_angle(unloaded: Array, positions: Array) -> float:
     by least squares."""
     before = unloaded - unloaded.mean(axis=0)
     after = positions - positions.mean(axis=0)
-    across = float(np.sum(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]))
-    along = float(np.sum(before * after))
-    return math.atan2(across, along)
+    return math.atan2(np.sum(cross(before, after)), np.sum(before * after))
 
 
 def depth(lattice: Lattice, positions: Array) -> float:

@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Array, Lattice
+from taichi_disk.lattice.network import softest_modes
 from taichi_disk.physics import Model, Springs
 from taichi_disk.statics.equilibrium import solve_equilibrium
 
 # largest strain of a spring; a disk with more is first brought to equilibrium
 MAX_STRAIN = 1e-9
 _RIGID_MODES = 3  # modes of zero frequency: two translations and a rotation
-# a dense solver is faster if more than this fraction of all modes is requested
-_DENSE_FRACTION = 0.2
 
 
 @dataclass(frozen=True)
@@ -104,21 +103,11 @@ def _vectors(values: NDArray[np.complex128]) -> Array:
 def _vibrations(stiffness: Any, masses: Array, count: int) -> tuple[Array, Array]:
     """Return the `count` lowest frequencies above the rigid modes, and the shapes
     (count, n, 2)."""
-    from scipy.linalg import eigh
     from scipy.sparse import diags
-    from scipy.sparse.linalg import eigsh
 
     scale = 1.0 / np.sqrt(np.repeat(masses, 2))
-    size = len(scale)
-    matrix = (diags(scale) @ stiffness @ diags(scale)).tocsc()
-    solutions = count + _RIGID_MODES
-    if solutions > _DENSE_FRACTION * size:
-        squares, vectors = eigh(matrix.toarray(), subset_by_index=(0, solutions - 1))
-    else:
-        below_all = -1e-6 * matrix.diagonal().max()
-        start = np.random.default_rng(0).standard_normal(size)
-        squares, vectors = eigsh(matrix, k=solutions, sigma=below_all, v0=start)
-    vibrations = squares.argsort()[_RIGID_MODES:]
-    frequencies = np.sqrt(np.maximum(squares[vibrations], 0.0))
-    shapes = scale[:, None] * vectors[:, vibrations]
+    matrix = diags(scale) @ stiffness @ diags(scale)
+    squares, vectors = softest_modes(matrix, count + _RIGID_MODES)
+    frequencies = np.sqrt(np.maximum(squares[_RIGID_MODES:], 0.0))
+    shapes = scale[:, None] * vectors[:, _RIGID_MODES:]
     return frequencies, shapes.T.reshape(count, -1, 2)

@@ -273,33 +273,26 @@ def _rows(
     scenes: executors.Scenes,
     results: dict[str, PointResult],
 ) -> list[Row]:
-    """Return the rows of points.csv, in the order of `keys`."""
-    known: set[str] = set()
-    for result in results.values():
-        known.update(result.numbers)
+    """Return the rows of points.csv, in the order of `keys`. A number with the name of
+    an axis, such as `dt`, is the one that was used."""
+    known = set().union(*(result.numbers for result in results.values()))
     base = sweep.scenes[0]
     optional = [name for name in base.optional_results if name in known]
-    names = [*base.results, *optional, *DIAGNOSTICS]
     rows = []
     for key in keys:
-        axes = {name: value_of(scenes[key], name) for name in sweep.axes}
-        rows.append(axes | _columns(results[key], names, axes) | {"key": key})
+        result = results[key]
+        row: Row = {name: value_of(scenes[key], name) for name in sweep.axes}
+        for name in (*base.results, *optional, *DIAGNOSTICS):
+            column = name
+            if name in sweep.axes:
+                column = f"{name}_taken"
+            row[column] = result.numbers.get(name)
+        row["status"] = result.status
+        row["reason"] = result.reason
+        row["warnings"] = "; ".join(result.warnings)
+        row["key"] = key
+        rows.append(row)
     return rows
-
-
-def _columns(result: PointResult, names: Sequence[str], axes: Row) -> Row:
-    """Return the columns that follow the axes of a row. A number with the name of an
-    axis, such as `dt`, is the one that was used."""
-    columns: Row = {}
-    for name in names:
-        column = name
-        if name in axes:
-            column = f"{name}_taken"
-        columns[column] = result.numbers.get(name)
-    columns["status"] = result.status
-    columns["reason"] = result.reason
-    columns["warnings"] = "; ".join(result.warnings)
-    return columns
 
 
 def _summary(sweep: Sweep, rows: list[Row], computed_now: int) -> dict[str, Any]:
@@ -452,22 +445,14 @@ def _read_point(out: Path, key: str) -> PointResult | None:
     path = out / "points" / f"{key}.json"
     try:
         record = json.loads(path.read_bytes())
-        digest = record.pop("digest")
-        if digest != _digest(record):
+        if record.pop("digest") != _digest(record):
             raise ValueError("it was changed")
         if record.pop("key") != key:  # a copy of another point
             return None
         return PointResult(**record)
     except (FileNotFoundError, NotADirectoryError):
         return None
-    except (
-        ValueError,
-        TypeError,
-        AttributeError,
-        LookupError,
-        RecursionError,
-        OSError,
-    ) as error:
+    except Exception as error:  # the file may hold anything
         raise InputError(
             f"{path}: not the result of a point ({reason(error)}): delete the file to"
             " compute it again"

@@ -219,7 +219,7 @@ def test_a_scene_that_does_not_end_is_a_failure_with_advice(
         (
             OSError(28, "No space left on device"),
             1,
-            "error: No space left on device (in fail of test_cli)\n",
+            "error: No space left on device\n",
         ),
     ],
 )
