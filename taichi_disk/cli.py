@@ -206,13 +206,15 @@ def _render(arguments: argparse.Namespace) -> None:
     with terminal(sys.stderr) as progress:
         load = partial(Result.load, progress=progress, estimate=False, say=_say)
         result = load(arguments.folder, overrides)
-        others = [load(folder) for folder in arguments.compare]
+        compared = [load(folder) for folder in arguments.compare]
         out = arguments.out
         if not out:
-            out = arguments.folder / _film_name(result.scene.video.format, bool(others))
+            out = arguments.folder / _film_name(
+                result.scene.video.format, bool(compared)
+            )
         result.film(
             out,
-            others,
+            compared,
             progress,
             at=arguments.at,
             start=arguments.start,

@@ -143,11 +143,11 @@ class Findings:
         return f"{self.name}: {', '.join(parts)}: {advice}"
 
 
-def study(scene: Scene, out: Path, title: str, note: Callable[[str], None]) -> None:
+def study(scene: Scene, out: Path, title: str, say: Callable[[str], None]) -> None:
     """Measure the errors of a scene's primary result, print them, and write tables and
     a picture to `out`.
 
-    `note` is called once with the number of runs and their estimated time.
+    `say` is called once with the number of runs and their estimated time.
 
     Raises InputError if `out` holds a run or cannot be written, if the scene's dt
     exceeds the stability limit, or for a wall with friction; SimulationError if the
@@ -158,7 +158,7 @@ def study(scene: Scene, out: Path, title: str, note: Callable[[str], None]) -> N
     try:
         runtime.start()
         with terminal(sys.stderr) as progress:
-            findings = assess(scene, progress, note)
+            findings = assess(scene, progress, say)
         report(findings, out, title)
     except BaseException:
         remove_empty(made)
@@ -166,7 +166,7 @@ def study(scene: Scene, out: Path, title: str, note: Callable[[str], None]) -> N
     print(f"files in {out}")
 
 
-def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Findings:
+def assess(scene: Scene, progress: Progress, say: Callable[[str], None]) -> Findings:
     scenario = scene.scenario()
     study = None
     progress("simulate", 0, None)
@@ -192,7 +192,7 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
     if study:
         runs = f"{len(others) + len(study.runs)} runs and a reference solution"
         expected += study.seconds(run_time)
-    note(f"{runs}, about {duration(expected)}")
+    say(f"{runs}, about {duration(expected)}")
     if study:
         count = 1 + len(study.runs)
         progress("reference and steps", 0, count)

@@ -332,7 +332,7 @@ class Result:
 
     def show(
         self,
-        beside: Result | Sequence[Result] | None = None,
+        compare: Result | Sequence[Result] | None = None,
         progress: Progress | None = None,
         **video: Any,
     ) -> Film:
@@ -347,7 +347,7 @@ class Result:
         with TemporaryDirectory() as folder:
             return Film(
                 self.film(
-                    Path(folder, f"film.{kind}"), beside, progress, **video
+                    Path(folder, f"film.{kind}"), compare, progress, **video
                 ).read_bytes(),
                 kind,
             )
@@ -359,7 +359,7 @@ class Result:
     def film(
         self,
         path: Path | str,
-        beside: Result | Sequence[Result] | None = None,
+        compare: Result | Sequence[Result] | None = None,
         progress: Progress | None = None,
         *,
         at: float | str = "greatest",
@@ -373,14 +373,14 @@ class Result:
         Args:
             path: .mp4, .webm or .gif; .html for a page that plays the film; .png for
                 one picture; a folder for numbered pictures.
-            beside: up to three other runs, to be shown at the right.
+            compare: up to three other runs, to be shown at the right.
             progress: called as for `run`.
             at: the moment of a picture: a time [R/c], "greatest" (compression),
                 "contact" (the first) or "end".
             start: moment at which a film begins, like `at`; by default the start of the
                 run.
             end: moment at which it ends; by default the end of the run.
-            labels: titles of this run and the others, in place of the keys that differ.
+            labels: titles of this run and the compared ones, in place of the keys that differ.
             video: keys of a scene's `video` section in place of the scene's own, as
                 `colour="shear"`.
 
@@ -392,20 +392,20 @@ class Result:
         from taichi_disk.web.film import film
 
         path = as_path(path, "path")
-        others = [beside] if isinstance(beside, Result) else beside or ()
+        compared = [compare] if isinstance(compare, Result) else compare or ()
         if not (
-            isinstance(others, (list, tuple))
-            and all(isinstance(result, Result) for result in others)
+            isinstance(compared, (list, tuple))
+            and all(isinstance(result, Result) for result in compared)
         ):
             raise InputError(
-                "beside: must be a result of run, or a list of results, not"
-                f" {beside!r:.60}"
+                "compare: must be a result of run, or a list of results, not"
+                f" {compare!r:.60}"
             )
         section = self.scene.with_(
             {f"video.{key}": value for key, value in video.items()}
         ).video
         check_target(path)
-        runs = [result.outcome for result in (self, *others)]
+        runs = [result.outcome for result in (self, *compared)]
         made = files.prepare_output(path.parent)
         try:
             with drawing_process(True) as artist:

@@ -323,9 +323,9 @@ def test_what_cannot_be_computed_as_given_is_refused(result, tmp_path):
     for frames in (0, -1, 2.5, 10**12):
         with pytest.raises(InputError, match="frames: must be a whole number"):
             result.export("never.xyz", frames=frames)
-    for beside in (3, [3], "result"):
-        with pytest.raises(InputError, match="beside: must be a result of run"):
-            result.film(tmp_path / "never" / "never.png", beside=beside)
+    for compare in (3, [3], "result"):
+        with pytest.raises(InputError, match="compare: must be a result of run"):
+            result.film(tmp_path / "never" / "never.png", compare=compare)
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(InputError, match="ax: must be axes of Matplotlib"):
         result.draw(ax=3)

@@ -435,7 +435,7 @@ def test_a_single_picture_of_a_comparison_shows_the_whole_of_a_disk_that_has_lef
         )
         for v in (0.02, 0.3)
     )
-    slow.film(tmp_path / "both.png", beside=fast, size=360, draw="field", panel=False)
+    slow.film(tmp_path / "both.png", compare=fast, size=360, draw="field", panel=False)
     # between the words
     picture = np.asarray(Image.open(tmp_path / "both.png")).astype(float)[76:280, 360:]
     inked = (
@@ -455,7 +455,7 @@ def test_a_faster_disk_stays_whole_in_a_comparison_to_the_end(tmp_path):
         )
         for v in (0.02, 0.2)
     )
-    slow.film(tmp_path / "both", beside=fast, size=128, fps=10, seconds=1)
+    slow.film(tmp_path / "both", compare=fast, size=128, fps=10, seconds=1)
     last = pictures_in(tmp_path / "both")[-1]
     inked = (last[:, 128:] != last[0, 0]).any(axis=2).sum(axis=1)
     assert inked[:4].max() < 60 < inked[20]  # the top of the text is complete
@@ -670,7 +670,7 @@ def test_the_film_of_a_loading_shows_the_fraction_of_the_load_and_moves_without_
         load_scene("compression", ["lattice.points=60", "compression.method=newton"]),
         lattices=1,
     )
-    pressed.film(tmp_path / "frames", size=SIZE, fps=10, seconds=4, beside=pressed)
+    pressed.film(tmp_path / "frames", size=SIZE, fps=10, seconds=4, compare=pressed)
     words = captions()
     assert words[0::2] == words[1::2] and len(words) == 80
     parts = times_of(words[::2])

@@ -109,8 +109,8 @@ def test_a_change_without_a_result_says_why() -> None:
 def study_of(scene: str, *settings: str) -> StepStudy:
     loaded = load_scene(scene, settings)
     scenario = loaded.scenario()
-    modes = spectrum(scenario.lattice, scenario.model)
-    return StepStudy(scenario, modes, compute(scenario, estimate=False))
+    limits = spectrum(scenario.lattice, scenario.model)
+    return StepStudy(scenario, limits, compute(scenario, estimate=False))
 
 
 @pytest.mark.validate
