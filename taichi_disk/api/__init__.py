@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from inspect import signature
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 from warnings import warn
 
 import numpy as np
@@ -18,11 +18,10 @@ from taichi_disk.api.work import FRAMES, MOST_FRAMES, Work
 from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.computation.driver import State as State
 from taichi_disk.computation.outcome import Outcome
-from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.workload import memory_note
 from taichi_disk.config.tree import Source, as_path
 from taichi_disk.errors import InputError, did_you_mean, nearest
-from taichi_disk.lattice import Array, Lattice, OwnStart, disk_of, numbers
+from taichi_disk.lattice import Array, Lattice, disk_of, numbers
 from taichi_disk.output import files
 from taichi_disk.output.artist import drawing_process
 from taichi_disk.output.report import headline, rows, shown
@@ -45,21 +44,15 @@ __all__ = ["Modes", "Result", "State", "run"]
 MAX_NAMED_TIMES = 5  # number of times in a notice
 
 
-@dataclass(frozen=True)
-class Result:
+@dataclass(frozen=True, eq=False)
+class Result(Outcome):
     """A finished run. It can be pickled and sent to another process.
 
     Attributes:
-        scene: computed scene.
-        outcome: scenario, time series, states, and how they were computed.
         out: folder of the run, if there is one.
-        own: user-supplied lattice and velocities.
     """
 
-    scene: Scene
-    outcome: Outcome = field(repr=False)
     out: Path | None = None
-    own: OwnStart = field(default=OwnStart(), repr=False)
 
     def __repr__(self) -> str:
         name, value = next(iter(self.numbers.items()))
@@ -79,12 +72,9 @@ class Result:
         )
 
     @property
-    def scenario(self) -> Scenario:
-        return self.outcome.scenario
-
-    @property
-    def summary(self) -> dict[str, Any]:
-        return self.outcome.summary
+    def scene(self) -> Scene:
+        """The computed scene."""
+        return cast("Scene", self.scenario.scene)
 
     # ---- numbers
 
@@ -92,7 +82,7 @@ class Result:
     def numbers(self) -> dict[str, float]:
         """Results by name, the primary one first: restitution and contact_time [R/c],
         or xi [R] and xi_nominal."""
-        return self.scenario.result(self.outcome.columns)
+        return self.scenario.result(self.columns)
 
     @property
     def restitution(self) -> float:
@@ -148,7 +138,7 @@ class Result:
     @property
     def series(self) -> dict[str, Array]:
         """Time series: an array (rows,) for each column of timeseries.csv."""
-        return self.outcome.columns
+        return self.columns
 
     def dataframe(self) -> DataFrame:
         """Return the time series as a table of pandas. Raises TaichiDiskError if pandas
@@ -221,8 +211,8 @@ class Result:
         return modes(
             disk_of(self.lattice),
             self.scenario.model.springs,
-            self.outcome.positions[:n],
-            self.outcome.velocities[:n],
+            self.positions[:n],
+            self.velocities[:n],
             count,
         )
 
@@ -291,7 +281,7 @@ class Result:
             raise InputError(
                 f"times: must lie within 0 and {last:.6g}, the end of the run"
             )
-        return self.outcome.replay(times)
+        return self.replay(times)
 
     # ---- pictures
 
@@ -328,7 +318,7 @@ class Result:
         scene = self.scene
         if colour:
             scene = scene.with_({"video.colour": colour})
-        return draw_state(self.outcome, scene.video, t, ax)
+        return draw_state(self, scene.video, t, ax)
 
     def show(
         self,
@@ -380,7 +370,8 @@ class Result:
             start: moment at which a film begins, like `at`; by default the start of the
                 run.
             end: moment at which it ends; by default the end of the run.
-            labels: titles of this run and the compared ones, in place of the keys that differ.
+            labels: titles of this run and the compared ones, in place of the keys that
+                differ.
             video: keys of a scene's `video` section in place of the scene's own, as
                 `colour="shear"`.
 
@@ -405,7 +396,7 @@ class Result:
             {f"video.{key}": value for key, value in video.items()}
         ).video
         check_target(path)
-        runs = [result.outcome for result in (self, *compared)]
+        runs = [self, *compared]
         made = files.prepare_output(path.parent)
         try:
             with drawing_process(True) as artist:
@@ -435,14 +426,15 @@ class Result:
         no run wrote.
         """
         out = as_path(out, "out")
-        text = self.own.repeating(self.scene).to_yaml()
-        with run_folder(out, text, False, overwrite, lattice=self.own.digest) as folder:
-            work = Work(self.scene, self.own.disk, self.own.velocities)
+        own = self.scenario.own
+        text = self.scenario.stored_scene.to_yaml()
+        with run_folder(out, text, False, overwrite, lattice=own.digest) as folder:
+            work = Work(self.scene, own.disk, own.velocities)
             work.write_start(folder.path, self.scenario)
             with drawing_process(video) as artist:
                 work.write(
                     folder,
-                    replace(self.outcome, summary=dict(self.summary)),
+                    replace(self, summary=dict(self.summary)),
                     video,
                     artist,
                 )
@@ -509,7 +501,7 @@ class Result:
             )
         # The step of the run is accepted, even if it is beyond the stability limit.
         outcome = work.solve(work.build(), 1, force=True, estimate=estimate)
-        return cls(work.scene, outcome, own=work.own)
+        return cls(**vars(outcome))
 
 
 @reported
@@ -591,7 +583,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
         if export:
             raise InputError("export: needs a folder, `out`")
         outcome = work.solve(work.build(threads), **options)
-        return Result(work.scene, outcome, own=own)
+        return Result(**vars(outcome))
     out = as_path(out, "out")
     text = own.repeating(work.scene).to_yaml()
     with run_folder(out, text, count_on, overwrite, say, own.digest) as folder:
@@ -608,7 +600,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
             work.write(folder, outcome, video, artist)
     # without room for anything there is no folder
     written = folder.out if folder.out.is_dir() else None
-    return Result(work.scene, outcome, written, own)
+    return Result(**vars(outcome), out=written)
 
 
 def _check_arguments(scene: Scene, changes: dict[str, Any]) -> None:

@@ -278,7 +278,7 @@ class Compression(Scenario):
         scene = self.scene
         load = f"P = {self.pressure:g} Mc²/R"
         parameters = f"{load}    {scene.damping}    a = {scene.wall.a:g}/R"
-        if self.own_velocities:
+        if self.own.velocities is not None:
             parameters += "    own velocities"
         return (
             f"Compression on a rigid wall ({scene.compression.method})",

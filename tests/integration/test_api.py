@@ -217,10 +217,8 @@ def test_a_saved_result_is_loaded_bitwise_the_same(result, tmp_path):
     (tmp_path / "r" / "video.gif").touch()
     # the summary names the existing film of this scene
     for folder, film in (("s", None), ("r", "video.gif")):
-        outcome = replace(
-            result.outcome, summary=result.summary | {"video": "video.mp4"}
-        )
-        replace(result, outcome=outcome).save(tmp_path / folder)
+        summary = result.summary | {"video": "video.mp4"}
+        replace(result, summary=summary).save(tmp_path / folder)
         assert (
             json.loads((tmp_path / folder / "summary.json").read_text())["video"]
             == film
@@ -766,7 +764,8 @@ def test_anything_but_a_path_is_refused_as_a_path(result, path):
 
 def test_messages_in_python_name_arguments(result, tmp_path, monkeypatch):
     result.save(tmp_path / "r")
-    other = replace(result, scene=result.scene.with_(velocity=0.03))
+    scenario = replace(result.scenario, scene=result.scene.with_(velocity=0.03))
+    other = replace(result, scenario=scenario)
     (tmp_path / "file").touch()
     monkeypatch.chdir(tmp_path)
     for act, message in (

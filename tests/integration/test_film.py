@@ -529,7 +529,7 @@ def test_in_a_comparison_only_the_run_at_its_greatest_compression_is_captioned_s
         load_scene("exponential_wall", ["lattice.points=20", "impact.velocity=0.2"]),
         lattices=1,
     )
-    film(tmp_path / "both.png", [run, other.outcome], video(), QUIET)
+    film(tmp_path / "both.png", [run, other], video(), QUIET)
     assert [one.note for one in captions()] == ["greatest compression", ""]
 
 
@@ -816,7 +816,7 @@ def test_a_film_without_flight_shows_the_run_alone(run, tmp_path, captions):
 )
 def test_a_disk_flies_before_the_run_only_if_it_would_keep_its_spin(settings, flies):
     scene = load_scene("exponential_wall", ["lattice.points=60", *settings])
-    outcome = api.run(scene, lattices=1).outcome
+    outcome = api.run(scene, lattices=1)
     flight = Flight.of(outcome, 0.33)
     assert (flight.start < 0.0) == flies
     if flies:
@@ -837,7 +837,7 @@ def test_velocities_of_the_user_s_own_have_no_flight():
     velocities[:, 1] = -0.05
     velocities[0, 1] = -0.06
     scene = load_scene("exponential_wall", ["lattice.points=60"])
-    outcome = api.run(scene, velocities=velocities, lattices=1).outcome
+    outcome = api.run(scene, velocities=velocities, lattices=1)
     flight = Flight.of(outcome, 0.33)
     assert (flight.start, flight.end) == (0.0, outcome.columns["t"][-1])
 
