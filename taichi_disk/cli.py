@@ -267,7 +267,7 @@ def _accuracy(arguments: argparse.Namespace) -> None:
     from taichi_disk.accuracy.study import study
 
     name = " ".join([Path(arguments.scene).stem, *arguments.overrides])
-    study(scene, _out(arguments, "_accuracy"), name, _say)
+    study(scene, _out(arguments, "_accuracy"), name)
 
 
 def _doctor(arguments: argparse.Namespace) -> int:

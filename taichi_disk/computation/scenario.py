@@ -102,11 +102,6 @@ class Scenario(ABC):
         stop when all are within."""
         return {}
 
-    def ended(self, columns: Columns) -> bool:
-        """Return whether the scene has ended at the last row, which is within
-        `end_bounds`."""
-        return self.time_to_end(columns) == 0.0
-
     def time_to_end(self, columns: Columns) -> float:
         """Return 0 if the scene has ended at the last row, which is within
         `end_bounds`; otherwise about how much later it will [R/c]."""

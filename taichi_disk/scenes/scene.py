@@ -196,11 +196,6 @@ class DiskScene(Frozen):
 
     # ---- the computation
 
-    @property
-    def wall_points(self) -> int:
-        """Number of points of the wall; 0: the wall is rigid."""
-        return 0
-
     def check_wall(self, points: int) -> None:
         """Raise InputError if no wall can be built for a disk of `points` points."""
 
