@@ -104,10 +104,11 @@ def _options(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
 def _out(arguments: argparse.Namespace, suffix: str = "") -> Path:
     if arguments.out:
         return Path(arguments.out)
-    name = Path(arguments.scene).name
-    stem = name.removesuffix(".yaml").removesuffix(".yml")
-    if stem.strip("."):  # for "...yaml" the folder would be out/..
-        name = stem
+    scene = Path(arguments.scene)
+    name = scene.name
+    # for "...yaml" the folder would be out/..
+    if scene.suffix in (".yaml", ".yml") and scene.stem.strip("."):
+        name = scene.stem
     return Path("out", name + suffix)
 
 
@@ -135,11 +136,14 @@ def _run(arguments: argparse.Namespace) -> int:
     print_result(summary, result.scenario.labels, result.out)
     for text in summary.get("notes", ()):
         _say(text)
-    faults = [summary.get(name) for name in ("video_error", "export_error", "reason")]
-    faults = [text for text in faults if text]
-    for text in faults:
+    errors = [summary.get("video_error"), summary.get("export_error")]
+    if summary["status"] != "done":
+        errors.append(summary["reason"])
+    failed = False
+    for text in filter(None, errors):
         _print_error(f"error: {text}")
-    return int(bool(faults))
+        failed = True
+    return int(failed)
 
 
 def _sweep(arguments: argparse.Namespace) -> int:
@@ -202,17 +206,15 @@ def _render(arguments: argparse.Namespace) -> None:
     with terminal(sys.stderr) as progress:
         load = partial(Result.load, progress=progress, estimate=False, say=_say)
         result = load(arguments.folder, overrides)
-        others = [load(folder) for folder in arguments.compare]
+        compared = [load(folder) for folder in arguments.compare]
         out = arguments.out
         if not out:
-            name = "comparison" if others else "render"
-            form = result.scene.video.format
-            if form != "png":  # pictures are in a folder
-                name += f".{form}"
-            out = arguments.folder / name
+            out = arguments.folder / _film_name(
+                result.scene.video.format, bool(compared)
+            )
         result.film(
             out,
-            others,
+            compared,
             progress,
             at=arguments.at,
             start=arguments.start,
@@ -223,6 +225,15 @@ def _render(arguments: argparse.Namespace) -> None:
     if out.suffix == ".png":
         what = "picture"
     print(f"{what} in {out}")
+
+
+def _film_name(form: str, is_comparison: bool) -> str:
+    name = "render"
+    if is_comparison:
+        name = "comparison"
+    if form == "png":  # a folder of pictures
+        return name
+    return f"{name}.{form}"
 
 
 def _export(arguments: argparse.Namespace) -> None:
@@ -256,7 +267,7 @@ def _accuracy(arguments: argparse.Namespace) -> None:
     from taichi_disk.accuracy.study import study
 
     name = " ".join([Path(arguments.scene).stem, *arguments.overrides])
-    study(scene, _out(arguments, "_accuracy"), name, _say)
+    study(scene, _out(arguments, "_accuracy"), name)
 
 
 def _doctor(arguments: argparse.Namespace) -> int:
@@ -475,11 +486,13 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _shipped(has_sweep: bool = False) -> str:
-    names = []
-    for name, path in shipped_scenes().items():
-        if ("\nsweep:" in path.read_text(encoding="utf-8")) == has_sweep:
-            names.append(name)
-    return ", ".join(names)
+    texts = {
+        name: path.read_text(encoding="utf-8")
+        for name, path in shipped_scenes().items()
+    }
+    return ", ".join(
+        name for name, text in texts.items() if ("\nsweep:" in text) == has_sweep
+    )
 
 
 def _add_scene(

@@ -89,30 +89,6 @@ class StepStudy:
         interval = self.scenario.model.reset_interval or self.end
         return round(self.end / interval) * ceil(interval / longest)
 
-    def seconds(self, run: float) -> float:
-        """Estimate the time that `measure` takes if a run with the default step takes
-        `run` [s]."""
-        integrator, default_steps = self.default
-        work = sum(steps * method.forces for method, steps in self.runs) / (
-            default_steps * integrator.forces
-        )
-        state = np.concatenate(
-            [self.scenario.lattice.positions, self.scenario.velocities]
-        ).ravel()
-        started = perf_counter()
-        self.reference.rate(0.0, state)
-        evaluation = perf_counter() - started
-        # DOP853 evaluates forces about 10 times per radian of the fastest vibration,
-        # less often with strong dashpots.
-        springs = self.scenario.model.springs
-        interval = self.scenario.model.reset_interval
-        rate = (
-            9.0 * self.spectrum.omega
-            + 3.0 * springs.eta * self.spectrum.damping
-            + (12.0 / interval if interval else 0.0)
-        )
-        return (1 + REPEATS) * work * run + self.end * rate * evaluation
-
     def measure(self, done: Callable[[int], object]) -> list[StepError]:
         """Compute the reference and all runs. `done` is called with the number of
         finished runs."""

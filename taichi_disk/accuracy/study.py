@@ -5,10 +5,9 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,6 @@ from taichi_disk import runtime
 from taichi_disk.accuracy.steps import StepError, StepStudy
 from taichi_disk.computation.outcome import compute
 from taichi_disk.computation.stability import spectrum
-from taichi_disk.computation.workload import duration
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.integrators import INTEGRATORS
 from taichi_disk.output.files import (
@@ -44,7 +42,6 @@ POINTS = "points"
 WALL = "wall hardness"
 # in lattice scatters: a larger difference is an effect of the number of points
 SIGNIFICANCE = 2.0
-COMPILE_TIME = 5.0  # typical time of a compilation [s]
 # colours of the integrators
 COLOURS = dict(zip(INTEGRATORS, (BLUE, RED, GREEN, ORANGE, PINK), strict=False))
 TABLE_WIDTH = 120  # width of a printed table without a terminal
@@ -58,7 +55,6 @@ class Change:
     change: str  # description of the change
     # changed keys, as `DiskScene.with_` takes them
     keys: dict[str, Any] = field(default_factory=dict)
-    refinement: int = 1  # factor of the number of points
     result: float = math.nan  # primary result; NaN if the run failed
     difference: float = math.nan  # result minus that of the unchanged scene
     remark: str = ""  # why the run failed
@@ -143,11 +139,9 @@ class Findings:
         return f"{self.name}: {', '.join(parts)}: {advice}"
 
 
-def study(scene: Scene, out: Path, title: str, note: Callable[[str], None]) -> None:
+def study(scene: Scene, out: Path, title: str) -> None:
     """Measure the errors of a scene's primary result, print them, and write tables and
     a picture to `out`.
-
-    `note` is called once with the number of runs and their estimated time.
 
     Raises InputError if `out` holds a run or cannot be written, if the scene's dt
     exceeds the stability limit, or for a wall with friction; SimulationError if the
@@ -158,7 +152,7 @@ def study(scene: Scene, out: Path, title: str, note: Callable[[str], None]) -> N
     try:
         runtime.start()
         with terminal(sys.stderr) as progress:
-            findings = assess(scene, progress, note)
+            findings = assess(scene, progress)
         report(findings, out, title)
     except BaseException:
         remove_empty(made)
@@ -166,7 +160,7 @@ def study(scene: Scene, out: Path, title: str, note: Callable[[str], None]) -> N
     print(f"files in {out}")
 
 
-def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Findings:
+def assess(scene: Scene, progress: Progress) -> Findings:
     scenario = scene.scenario()
     study = None
     progress("simulate", 0, None)
@@ -179,20 +173,8 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
         outcome = compute(scenario, estimate=False)
         study = StepStudy(scenario, spectrum(scenario.lattice, scenario.model), outcome)
     others = list(changes(scene))
-    started = perf_counter()
     base = result_of(scene)
-    run_time = perf_counter() - started
-    # time grows as points**exponent; finer lattices also need shorter steps
-    exponent = 1.4 if study else 1.1
-    expected = COMPILE_TIME + run_time * sum(
-        change.refinement**exponent for change in others
-    )
-    runs = f"{len(others)} runs"
     steps = []
-    if study:
-        runs = f"{len(others) + len(study.runs)} runs and a reference solution"
-        expected += study.seconds(run_time)
-    note(f"{runs}, about {duration(expected)}")
     if study:
         count = 1 + len(study.runs)
         progress("reference and steps", 0, count)
@@ -220,7 +202,7 @@ def changes(scene: Scene) -> Iterator[Change]:
             text = f"N = {factor * lattice.points:,}"
             if scene.material.dashpots[1]:
                 text += ", same η"
-            yield Change(POINTS, text, keys, factor)
+            yield Change(POINTS, text, keys)
     for multiple in HARDNESS_FACTORS:
         yield Change(WALL, f"a = {multiple * a:g}/R", {"wall.a": multiple * a})
 

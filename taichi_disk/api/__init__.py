@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from inspect import signature
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 from warnings import warn
 
 import numpy as np
@@ -18,10 +17,9 @@ from taichi_disk.api.work import FRAMES, MOST_FRAMES, Work
 from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.computation.driver import State as State
 from taichi_disk.computation.outcome import Outcome
-from taichi_disk.computation.workload import memory_note
 from taichi_disk.config.tree import Source, as_path
-from taichi_disk.errors import InputError, did_you_mean, nearest
-from taichi_disk.lattice import Array, Lattice, OwnStart, disk_of, numbers
+from taichi_disk.errors import InputError
+from taichi_disk.lattice import Array, Lattice, disk_of, numbers
 from taichi_disk.output import files
 from taichi_disk.output.artist import drawing_process
 from taichi_disk.output.report import headline, rows, shown
@@ -44,20 +42,15 @@ __all__ = ["Modes", "Result", "State", "run"]
 MAX_NAMED_TIMES = 5  # number of times in a notice
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Result(Outcome):
-    """A finished run: a computed scene with its numbers, states, pictures and files. It
-    can be pickled and sent to another process.
+    """A finished run. It can be pickled and sent to another process.
 
-    Attributes, beside those of `Outcome`:
-        scene: computed scene.
+    Attributes:
         out: folder of the run, if there is one.
-        own: user-supplied lattice and velocities.
     """
 
-    scene: Scene
     out: Path | None = None
-    own: OwnStart = field(default=OwnStart())
 
     def __repr__(self) -> str:
         name, value = next(iter(self.numbers.items()))
@@ -75,6 +68,11 @@ class Result(Outcome):
             rows(self.summary, self.scenario.labels),
             self.plot(),
         )
+
+    @property
+    def scene(self) -> Scene:
+        """The computed scene."""
+        return cast("Scene", self.scenario.scene)
 
     # ---- numbers
 
@@ -370,7 +368,8 @@ class Result(Outcome):
             start: moment at which a film begins, like `at`; by default the start of the
                 run.
             end: moment at which it ends; by default the end of the run.
-            labels: titles of this run and the others, in place of the keys that differ.
+            labels: titles of this run and the compared ones, in place of the keys that
+                differ.
             video: keys of a scene's `video` section in place of the scene's own, as
                 `colour="shear"`.
 
@@ -382,12 +381,10 @@ class Result(Outcome):
         from taichi_disk.web.film import film
 
         path = as_path(path, "path")
-        others = compare or ()
-        if isinstance(compare, Result):
-            others = (compare,)
+        compared = [compare] if isinstance(compare, Result) else compare or ()
         if not (
-            isinstance(others, (list, tuple))
-            and all(isinstance(result, Result) for result in others)
+            isinstance(compared, (list, tuple))
+            and all(isinstance(result, Result) for result in compared)
         ):
             raise InputError(
                 "compare: must be a result of run, or a list of results, not"
@@ -397,12 +394,13 @@ class Result(Outcome):
             {f"video.{key}": value for key, value in video.items()}
         ).video
         check_target(path)
+        runs = [self, *compared]
         made = files.prepare_output(path.parent)
         try:
             with drawing_process(True) as artist:
                 film(
                     path,
-                    [self, *others],
+                    runs,
                     section,
                     progress or silent,
                     Span(at, start, end),
@@ -426,9 +424,10 @@ class Result(Outcome):
         no run wrote.
         """
         out = as_path(out, "out")
-        text = self.own.repeating(self.scene).to_yaml()
-        with run_folder(out, text, False, overwrite, lattice=self.own.digest) as folder:
-            work = Work(self.scene, self.own.disk, self.own.velocities)
+        own = self.scenario.own
+        text = self.scenario.stored_scene.to_yaml()
+        with run_folder(out, text, False, overwrite, lattice=own.digest) as folder:
+            work = Work(self.scene, own.disk, own.velocities)
             work.write_start(folder.path, self.scenario)
             with drawing_process(video) as artist:
                 work.write(
@@ -500,7 +499,7 @@ class Result(Outcome):
             )
         # The step of the run is accepted, even if it is beyond the stability limit.
         outcome = work.solve(work.build(), 1, force=True, estimate=estimate)
-        return cls(**vars(outcome), scene=work.scene, own=work.own)
+        return cls(**vars(outcome))
 
 
 @reported
@@ -562,7 +561,6 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
     if not isinstance(scene, DiskScene):
         scene = load_scene(scene)
     if changes:
-        _check_arguments(scene, changes)
         scene = scene.with_(changes)
     if lattices is not None and not (
         isinstance(lattices, (int, np.integer)) and 1 <= lattices <= MOST_LATTICES
@@ -574,15 +572,12 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
     # reads the files of a lattice and velocities only once, because they may change
     work = Work(scene, lattice, velocities, progress, started)
     own = work.own
-    note = memory_note(scene.lattice.points + scene.wall_points)
-    if note:
-        say(note)
     options: dict[str, Any] = {"lattices": lattices, "force": force, "say": say}
     if out is None:
         if export:
             raise InputError("export: needs a folder, `out`")
         outcome = work.solve(work.build(threads), **options)
-        return Result(**vars(outcome), scene=work.scene, own=own)
+        return Result(**vars(outcome))
     out = as_path(out, "out")
     text = own.repeating(work.scene).to_yaml()
     with run_folder(out, text, count_on, overwrite, say, own.digest) as folder:
@@ -599,15 +594,4 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
             work.write(folder, outcome, video, artist)
     # without room for anything there is no folder
     written = folder.out if folder.out.is_dir() else None
-    return Result(**vars(outcome), scene=work.scene, out=written, own=own)
-
-
-def _check_arguments(scene: Scene, changes: dict[str, Any]) -> None:
-    """Raise InputError if a name in `changes` is more like an argument of `run` than
-    like a key of the scene."""
-    arguments = {*signature(run).parameters}
-    for name in changes:
-        names = [*scene.sections(), *scene.key_names(), *arguments]
-        if not scene.homes(name) and arguments & {*nearest(name, names)}:
-            hint = did_you_mean(name, arguments)
-            raise InputError(f"{name}: unknown argument of run{hint}")
+    return Result(**vars(outcome), out=written)

@@ -10,7 +10,6 @@ import numpy as np
 from taichi_disk.computation.outcome import ESTIMATE_UP_TO, Outcome
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.integrators import INTEGRATORS
-from taichi_disk.lattice import OwnStart
 from taichi_disk.progress import Progress
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import outcome_of
@@ -23,17 +22,15 @@ FEW_LATTICES = 3
 MAX_POINTS = 5_000  # of disk and wall; a larger scene is computed on one lattice
 
 
-def lattice_count(
-    own: OwnStart, outcome: Outcome, asked: int | None
-) -> tuple[int, list[str]]:
+def lattice_count(outcome: Outcome, asked: int | None) -> tuple[int, list[str]]:
     """Return the number of lattices to compute, and notes about it for the user.
 
-    `own`: user-supplied lattice; `outcome`: the computed scene; `asked`: number of
-        lattices that the user wants.
+    `outcome`: the computed scene; `asked`: number of lattices that the user wants.
     """
-    if own.digest and asked == 1:
+    is_own = bool(outcome.scenario.own.digest)
+    if is_own and asked == 1:
         return 1, []
-    if own.digest:
+    if is_own:
         text = (
             "a lattice or velocities of your own have no seed: how far the result"
             " depends on the points is not known"
@@ -75,7 +72,7 @@ def default_count(outcome: Outcome) -> tuple[int, str]:
 
 
 def compare_lattices(
-    scene: Scene, outcome: Outcome, count: int, progress: Progress, force: bool
+    outcome: Outcome, count: int, progress: Progress, force: bool
 ) -> dict[str, Any]:
     """Compute the results on `count` lattices with consecutive seeds, from the scene's
     on, for summary.json.
@@ -84,6 +81,7 @@ def compare_lattices(
     `standard_deviation` and the `standard_error` of the mean. Seeds without a result
     are left out and named in the warnings of the outcome's summary.
     """
+    scene: Scene = outcome.scenario.scene
     seeds = [scene.lattice.seed]
     found = [outcome.scenario.result(outcome.columns)]
     for number in range(1, count):

@@ -85,8 +85,7 @@ class Work:
         runtime.start(threads)
         scenario = self.scene.scenario(self._body(), self.own.velocities)
         self.lap("build")
-        # names the file of a user-supplied lattice
-        return replace(scenario, scene=self.own.repeating(scenario.scene))
+        return replace(scenario, own=self.own)
 
     def solve(
         self, scenario: Scenario, lattices: int | None = None, **options: Any
@@ -100,10 +99,10 @@ class Work:
         outcome = compute(scenario, self.progress, spectrum_of=spectrum_of, **options)
         self.lap("simulate", compile=outcome.compile_seconds)
         summary = self._heading("done") | outcome.summary | {"video": None}
-        count, notes = lattice_count(self.own, outcome, lattices)
+        count, notes = lattice_count(outcome, lattices)
         if count > 1:
             summary["lattices"] = compare_lattices(
-                scene, outcome, count, self.progress, options["force"]
+                outcome, count, self.progress, options["force"]
             )
             self.lap("lattices")
         lattice = scenario.lattice

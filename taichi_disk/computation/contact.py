@@ -30,11 +30,7 @@ def contact_interval(t: Array, force: Array, velocity: Array) -> tuple[float, fl
     log = np.log(np.maximum(force, 1e-300)) - np.log(level)
 
     def crossing(i: int, j: int) -> float:
-        return (
-            float(t[i] + (t[j] - t[i]) * log[i] / (log[i] - log[j]))
-            if log[i] != log[j]
-            else float(t[i])
-        )
+        return float(t[i] + (t[j] - t[i]) * log[i] / (log[i] - log[j]))
 
     first = int(inside[0])
     last = int(inside[-1])

@@ -40,7 +40,7 @@ ROUNDING = 1e-11
 LOADS = 24
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Outcome:
     """A scenario computed to its end."""
 

@@ -4,13 +4,13 @@ series. Each kind is a subclass."""
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from taichi_disk.lattice import Array, Lattice
+from taichi_disk.lattice import Array, Lattice, OwnStart
 from taichi_disk.progress import Progress, silent
 from taichi_disk.simulation.observables import Columns
 
@@ -38,7 +38,7 @@ class Scenario(ABC):
         wall_step: longest step that resolves the wall [R/c].
         quiet_time: settling time for which rows must stay within `end_bounds` [R/c]; 0:
             one row suffices.
-        own_velocities: whether the user gave the velocities.
+        own: user-supplied lattice and velocities.
     """
 
     scene: Any
@@ -52,7 +52,7 @@ class Scenario(ABC):
     spoke: int = -1
     wall_step: float = inf
     quiet_time: float = 0.0
-    own_velocities: bool = False
+    own: OwnStart = field(default=OwnStart())
 
     # whether the primary result depends on the time step
     step_dependent: ClassVar[bool] = True
@@ -72,6 +72,12 @@ class Scenario(ABC):
     # name and unit of each number of `result` that is shown
     labels: ClassVar[dict[str, tuple[str, str]]]
     notes: ClassVar[dict[str, str]] = {}  # how each number of `result` was measured
+
+    @property
+    def stored_scene(self) -> Any:
+        """The scene as files hold it: it reads user-supplied points and velocities from
+        lattice.npz."""
+        return self.own.repeating(self.scene)
 
     @property
     def row_interval(self) -> float:
@@ -95,11 +101,6 @@ class Scenario(ABC):
         """Return (smallest, largest) value of columns at the end of the scene; kernels
         stop when all are within."""
         return {}
-
-    def ended(self, columns: Columns) -> bool:
-        """Return whether the scene has ended at the last row, which is within
-        `end_bounds`."""
-        return self.time_to_end(columns) == 0.0
 
     def time_to_end(self, columns: Columns) -> float:
         """Return 0 if the scene has ended at the last row, which is within

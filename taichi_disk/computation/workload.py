@@ -1,4 +1,4 @@
-"""Estimates of the memory and the time of a computation."""
+"""Estimate of the time of a computation."""
 
 from __future__ import annotations
 
@@ -9,22 +9,9 @@ from taichi_disk.machine import cores
 if TYPE_CHECKING:
     from taichi_disk.computation.driver import Driver
 
-# bytes of a process and of each point; measured with 1,099 to 2,000,000 points
-PROCESS = 3e8
-POINT = 2e3
-NOTED_MEMORY = 1e9  # [bytes] from which a run is announced
 LONG_RUN = 60.0, 1e7  # [s], number of steps; a longer run is announced
 FORCE_TIME = 4e-9  # [s] for one spring force on one core
 PART_OF_LIMIT = 0.1  # fraction of the default time limit after which scenes usually end
-
-
-def memory_note(points: int) -> str:
-    """Return a sentence about the memory that `points` points will need, or an empty
-    string if they need less than NOTED_MEMORY."""
-    needed = PROCESS + POINT * points
-    if needed < NOTED_MEMORY:
-        return ""
-    return f"{points:,} points need about {needed / 1e9:.1f} GB of memory"
 
 
 def duration(seconds: float) -> str:

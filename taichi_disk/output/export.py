@@ -401,7 +401,7 @@ def export_run(
     written.
     """
     path, kind = check_export(path, format)
-    scene = scenario.scene
+    scene = scenario.stored_scene
     lattice = scenario.lattice
     frames = _frames(lattice, scenario.model, moments)
     # writes several files, and makes them appear at once by itself

@@ -121,7 +121,7 @@ def plot_run(
     """
     with matplotlib_style(STYLE):
         figure = _drawn(scenario, columns, headline)
-        metadata = {"Software": None, "Description": origin(scenario.scene)}
+        metadata = {"Software": None, "Description": origin(scenario.stored_scene)}
         atomic_write(
             path,
             lambda new: figure.savefig(
@@ -176,9 +176,9 @@ def _plot_answers(scenario: Scenario, columns: Columns) -> Any:
     answer_functions = {
         name: partial(_answer, answer) for name, answer in answers.items()
     }
-    scene = SimpleNamespace(to_yaml=partial(_answer, scenario.scene.to_yaml()))
+    scene = SimpleNamespace(to_yaml=partial(_answer, scenario.stored_scene.to_yaml()))
     return SimpleNamespace(
-        scene=scene,
+        stored_scene=scene,
         static=scenario.static,
         time_label=scenario.time_label,
         **answer_functions,

@@ -137,7 +137,7 @@ def common_span(flights: Sequence[Flight]) -> tuple[float, float]:
 
 
 def film_origin(runs: Sequence[Run], video: VideoSection) -> str:
-    return origin(*(replace(run.scenario.scene, video=video) for run in runs))
+    return origin(*(replace(run.scenario.stored_scene, video=video) for run in runs))
 
 
 def _film(

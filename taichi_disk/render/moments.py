@@ -275,7 +275,7 @@ def titles(runs: Sequence[Run], labels: Sequence[str] = ()) -> list[tuple[str, .
 
 
 def _differences(runs: Sequence[Run]) -> list[str]:
-    scenes = [run.scenario.scene for run in runs]
+    scenes = [run.scenario.stored_scene for run in runs]
     if len(runs) == 1 or len({scene.scene for scene in scenes}) > 1:
         return []
     parts: list[list[str]] = [[] for _ in runs]

@@ -137,10 +137,6 @@ class AbsorbingWallScene(ImpactScene):
             stiffness,
         )
 
-    @property
-    def wall_points(self) -> int:
-        return self.wall.points
-
     def check_wall(self, points: int) -> None:
         check_thickness(points, self.wall.points, self.wall.width)
 

@@ -408,7 +408,7 @@ class ImpactScenario(Scenario):
             words.append(f"μ = {friction:g}")
         if impact.turn:
             words.append(f"turned by {impact.turn:g}")
-        if self.own_velocities:
+        if self.own.velocities is not None:
             words.append("own velocities")
         return scene.heading, "    ".join(words), scene.described(self.lattice)
 

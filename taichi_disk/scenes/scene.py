@@ -28,6 +28,7 @@ from taichi_disk.lattice import (
     Array,
     Lattice,
     Moduli,
+    OwnStart,
     bulk_moduli,
     circle_faults,
     disk_lattice,
@@ -195,11 +196,6 @@ class DiskScene(Frozen):
 
     # ---- the computation
 
-    @property
-    def wall_points(self) -> int:
-        """Number of points of the wall; 0: the wall is rigid."""
-        return 0
-
     def check_wall(self, points: int) -> None:
         """Raise InputError if no wall can be built for a disk of `points` points."""
 
@@ -242,7 +238,7 @@ class DiskScene(Frozen):
         scenario = self.thrown_with(body, own).of_body(body)
         all_velocities = scenario.velocities.copy()
         all_velocities[: body.disk_points] = own
-        return replace(scenario, velocities=all_velocities, own_velocities=True)
+        return replace(scenario, velocities=all_velocities, own=OwnStart(None, own))
 
     def thrown_with(self, body: Lattice, velocities: Array) -> Self:
         """Return the scene whose throw has the mean speed and direction of `velocities`

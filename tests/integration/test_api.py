@@ -765,7 +765,8 @@ def test_anything_but_a_path_is_refused_as_a_path(result, path):
 
 def test_messages_in_python_name_arguments(result, tmp_path, monkeypatch):
     result.save(tmp_path / "r")
-    other = replace(result, scene=result.scene.with_(velocity=0.03))
+    scenario = replace(result.scenario, scene=result.scene.with_(velocity=0.03))
+    other = replace(result, scenario=scenario)
     (tmp_path / "file").touch()
     monkeypatch.chdir(tmp_path)
     for act, message in (

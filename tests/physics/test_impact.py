@@ -256,9 +256,8 @@ def test_a_body_that_turns_faster_than_it_rises_ends_no_sooner_than_its_corners_
             "lowest_y": height,
         }
         row |= {"angular_momentum": inertia * spin, "kinetic": energy, "elastic": 0.0}
-        assert scenario.ended(
-            {name: np.array([value]) for name, value in row.items()}
-        ) == (spin == 0.0)
+        columns = {name: np.array([value]) for name, value in row.items()}
+        assert (scenario.time_to_end(columns) == 0.0) == (spin == 0.0)
 
 
 def test_when_it_ends_a_rod_that_bends_has_left_for_good(tmp_path, kernels):

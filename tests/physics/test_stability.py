@@ -69,15 +69,15 @@ def jacobian(model, x):
 )
 def test_highest_frequency_and_damping_rate_are_those_of_the_matrices(lattice):
     model, m = Model(Springs(1.0, 1.0, 0.3)), lattice.masses[:, None]
-    modes, plain = spectrum(lattice, model), reference.Model(lattice, model)
+    limits, plain = spectrum(lattice, model), reference.Model(lattice, model)
     omega2 = np.linalg.eigvals(
         jacobian(plain, lattice.positions) / np.repeat(m, 2, axis=0)
     ).real.max()
-    assert modes.omega**2 == pytest.approx(omega2, rel=1e-6)
+    assert limits.omega**2 == pytest.approx(omega2, rel=1e-6)
     # Find the dashpots' matrix column by column as the force at a unit velocity.
     unit = np.eye(40)[:, :, None] * [1.0, 0.0]
     matrix = np.array([-plain.force(lattice.positions, v)[:, 0] for v in unit])
-    assert modes.damping * 0.3 == pytest.approx(
+    assert limits.damping * 0.3 == pytest.approx(
         np.linalg.eigvals(matrix / m).real.max(), rel=1e-9
     )
 
@@ -184,8 +184,8 @@ def test_the_force_on_a_point_is_estimated_as_well_as_the_step_margin_requires(
     integrator = INTEGRATORS[outcome.summary["integrator"]]
     # The wall's stiffness a F contributes at most all of omega^2, and the step depends
     # on its root.
-    peak, modes = outcome.largest_force, spectrum(scenario.lattice, scenario.model)
+    peak, limits = outcome.largest_force, spectrum(scenario.lattice, scenario.model)
     assert 0.4 < peak / scenario.point_force < (LIMIT_MARGIN / 0.8) ** 2
     assert outcome.summary["dt_limit"] == step_limit(
-        modes, scenario.model, integrator, peak
+        limits, scenario.model, integrator, peak
     )

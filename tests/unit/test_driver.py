@@ -158,7 +158,7 @@ def test_the_end_of_a_hovering_rod_is_not_asked_at_every_row(
     assert asked[0] > 300.0 * driver.interval and len(asked) < 20
     # It has not ended much later than it could.
     earlier = {name: values[[-3]] for name, values in driver.columns.items()}
-    assert driver.scenario.ended(driver.columns)
+    assert driver.scenario.time_to_end(driver.columns) == 0.0
     assert plain(driver.scenario, earlier) > 0.0
 
 

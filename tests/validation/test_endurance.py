@@ -187,11 +187,11 @@ def test_corrected_forces_change_the_energy_of_white_noise_by_some_per_cent(
     # their share. Measured: -0.8 to +2.7 % in a million steps.
     lattice = disk_lattice(points, 0)
     model = Model(Springs())
-    modes = spectrum(lattice, model)
-    limit = step_limit(modes, model, TAKAHASHI_IMADA, 0.0)
+    limits = spectrum(lattice, model)
+    limit = step_limit(limits, model, TAKAHASHI_IMADA, 0.0)
     velocities = np.random.default_rng(1).standard_normal((points, 2))
     velocities -= velocities.mean(axis=0)
-    velocities *= 0.5 * strain * np.median(lattice.rest_lengths) * modes.omega
+    velocities *= 0.5 * strain * np.median(lattice.rest_lengths) * limits.omega
     simulation = kernels.simulation(
         lattice, model, TAKAHASHI_IMADA, velocities, fraction * limit
     )
