@@ -35,6 +35,7 @@ from taichi_disk.computation.stability import (
 from taichi_disk.errors import InputError
 from taichi_disk.integrators import AUTOMATIC, INTEGRATORS, Integrator
 from taichi_disk.simulation.observables import Columns
+from taichi_disk.simulation.simulation import MAX_STEPS
 
 # largest automatic step, as a fraction of the stability limit with the measured wall
 # force
@@ -57,7 +58,7 @@ class StepControl:
     number of steps fits the interval.
 
     `spectrum`: of the scenario's lattice and model. Raises InputError for a user's step
-    beyond the stability limit, unless `force`.
+    beyond the stability limit, unless `force`, or with more than MAX_STEPS steps.
 
     Attributes:
         step: for the next run.
@@ -88,6 +89,13 @@ class StepControl:
                 f" {self.step.integrator.name}, {limit:.6g} R/c for this scene; write a"
                 f" smaller one (or auto: {self._safety * limit:.6g}), or accept a"
                 " blow-up with `run --force`"
+            )
+        longest = self.scenario.max_time
+        if longest > MAX_STEPS * dt:
+            raise InputError(
+                f"time.dt: {dt:g} R/c would need {longest / dt:.2g} steps until the"
+                f" time limit of {longest:.6g} R/c, and at most {MAX_STEPS:,} can be"
+                f" counted; write auto, or at least {longest / MAX_STEPS * 1.001:.4g}"
             )
 
     def limit(self, integrator: Integrator, force: float) -> float:

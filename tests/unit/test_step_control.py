@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
@@ -20,7 +21,7 @@ from taichi_disk.computation.diagnostics import (
 )
 from taichi_disk.computation.stability import step_limit
 from taichi_disk.computation.step_control import MAX_BLOW_UPS, StepControl
-from taichi_disk.errors import SimulationError
+from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.integrators import (
     INTEGRATORS,
     TAKAHASHI_IMADA,
@@ -31,6 +32,7 @@ from taichi_disk.integrators import (
 from taichi_disk.integrators.trapezoidal import factorise
 from taichi_disk.lattice import disk_lattice
 from taichi_disk.scenes import load_scene
+from taichi_disk.simulation.simulation import MAX_STEPS
 
 VV = VELOCITY_VERLET
 SMALL = (
@@ -151,6 +153,15 @@ def test_after_a_blow_up_the_step_is_halved_a_few_times():
 def test_a_run_that_only_lacks_time_is_not_repeated():
     late = SimpleNamespace(has_ended=False, failure=SimulationError("late"))
     assert not control_of(*SMALL).shortens(late)
+
+
+def test_more_steps_than_can_be_counted_are_refused_beforehand():
+    with pytest.raises(InputError, match=r"time\.dt: 1e-09 .* at most 2,147,483,647"):
+        control_of(*SMALL, "time.dt=1e-9")
+    limit = control_of(*SMALL).scenario.max_time
+    for dt, is_refused in ((0.99 * limit / MAX_STEPS, True), (limit / 2e9, False)):
+        with pytest.raises(InputError) if is_refused else nullcontext():
+            control_of(*SMALL, f"time.dt={dt}")
 
 
 def test_warnings_say_what_makes_a_result_doubtful(finished):
