@@ -163,7 +163,10 @@ def _gif(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[A
 
     yield append
     # GIF durations are multiples of 10 ms
-    ends = np.rint([*starts, starts[-1] + 100.0 * step / fps])
+    ends = np.rint([*starts, 100.0 * next(numbers) / fps])
+    if len(starts) > 1 and ends[-1] - ends[-2] < 100.0 / _GIF_FPS:
+        ends = np.delete(ends, -2)
+        del packed[-1]
     durations = [int(one) for one in 10.0 * np.diff(ends)]
     sampled = np.concatenate(
         [np.asarray(one) for one in unpacked(1 + len(packed) // _GIF_SAMPLES)]
