@@ -306,7 +306,8 @@ def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, is_ba
 def test_words_stand_above_an_elastic_wall_however_large_they_are(is_elastic):
     above = painter()
     if is_elastic:
-        above.lattice = replace(above.lattice, wall_surface=np.array([0, 1]))
+        ends = np.array([0, 1], dtype=np.int32)
+        above.lattice = replace(above.lattice, wall_surface=ends)
     letters = Letters(1.0, 1.5)
     title = ("Impact", "v = 0.1 c    η* = 0    a = 300/R    N = 1,099    seed 0")
     block = Legend(above, (720, 720), letters, title, [Caption("t = 1.00 R/c")])
