@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.util import find_spec
+from itertools import repeat
 from math import inf
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -139,9 +140,9 @@ def _write_xyz(
                 ' pbc="F F F"\n'
             )
             table = np.concatenate(list(columns.values()), axis=1)
-            numbers = " %.12g" * table.shape[1]
-            np.savetxt(file, table[:disk], f"X{numbers}")
-            np.savetxt(file, table[disk:], f"Si{numbers}")
+            numbers = " ".join(repeat("%.12g", table.shape[1]))
+            np.savetxt(file, table[:disk], f"X {numbers}")
+            np.savetxt(file, table[disk:], f"Si {numbers}")
 
 
 def _xyz_columns(lattice: Lattice, frame: Frame) -> dict[str, Array]:

@@ -204,17 +204,20 @@ def _pictures(
 def painter_of(states: Recording, video: VideoSection, common: CommonScales) -> Painter:
     """Return the painter that draws the states of one run."""
     scenario = states.run.scenario
-    painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
-    painter.colour = video.colour
-    painter.draw = video.draw
-    painter.theme = video.theme
-    painter.spoke = scenario.spoke
-    painter.magnify = common.magnify
-    painter.limit = common.limits[video.colour]
-    painter.full_force = common.full_force
-    painter.full_speed = states.full_speed
-    painter.edge = states.edge
-    return painter
+    return Painter(
+        lattice=scenario.lattice,
+        springs=scenario.model.springs,
+        wall=scenario.model.wall,
+        colour=video.colour,
+        draw=video.draw,
+        theme=video.theme,
+        limit=common.limits[video.colour],
+        full_force=common.full_force,
+        full_speed=states.full_speed,
+        edge=states.edge,
+        spoke=scenario.spoke,
+        magnify=common.magnify,
+    )
 
 
 def _samples(words: Sequence[Caption]) -> list[Caption]:

@@ -192,8 +192,6 @@ class Legend:
         parts = "    ".join(others).split("    ")
         if self._is_band:
             parts = ["    ".join([*parts, *self.painter.remarks])]
-        elif self.painter.has_elastic_wall:
-            parts += self.painter.remarks
         boxes = [line.box for line in self._sample_lines()]
         column = max((right - left for left, right, _, _ in boxes), default=0.0)
         margin = self._letters.margin
@@ -208,7 +206,7 @@ class Legend:
 
     def _remarks(self) -> list[Line]:
         """Return the line above the edge of a rigid wall."""
-        if self._is_band or self.painter.has_elastic_wall:
+        if self._is_band:
             return []
         text = "    ".join(self.painter.remarks)
         face = Face(self._letters.small, self._faint.ink)

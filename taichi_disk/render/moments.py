@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -183,7 +184,7 @@ def cues(
     for t, pace, repeated in zip(times.tolist(), paces, repeats, strict=True):
         note = MOMENTS["greatest"] if t == peak else ""
         found.append(Cue(t, pace=pace))
-        found += [Cue(t, note)] * repeated
+        found += repeat(Cue(t, note), repeated)
     return found
 
 

@@ -3,6 +3,7 @@ and the window."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
@@ -15,7 +16,7 @@ from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Springs
 from taichi_disk.render import geometry
 from taichi_disk.render.geometry import ARROW, VELOCITY_ARROW, ArrowStyle, Camera
-from taichi_disk.render.palette import LEVELS, THEMES, colour_map, full_scale, map_kind
+from taichi_disk.render.palette import LEVELS, THEMES, colour_map, map_kind
 
 Vertices = NDArray[np.float32]
 get_field_info = import_module(f"{ti.__name__}.ui.utils").get_field_info
@@ -44,12 +45,13 @@ _SEEN = 0.25  # largest opacity of springs on the field
 _FRINGE_PARTS = 20_000
 
 
+@dataclass
 class Painter:
     """Draws one lattice. `ti.init` must have been called. A window, or a film, does
     this with each state:
 
         painter = Painter(lattice, model.springs, model.wall)
-        painter.limit = painter.scale(painter.values(x, v))
+        painter.limit = full_scale(painter.values(x, v), painter.colour)
         painter.paint(window.get_canvas(), camera, x, v)
 
     `x` (n, 2) [R] and `v` (n, 2) [c] are in the lattice's order; all values must be
@@ -72,36 +74,30 @@ class Painter:
             `geometry.edge_height`.
         spoke: point to which a line is drawn from the disk's centre; -1: none.
         magnify: factor by which displacements are magnified, see `placed`.
-        shown: (n,) values in the last picture.
     """
 
-    shown: Array
+    lattice: Lattice
+    springs: Springs
+    wall: Any = None
+    colour: str = "shear"
+    draw: str = "both"
+    theme: str = "light"
+    limit: float = 1.0
+    full_force: float = 0.0
+    full_speed: float = 0.0
+    edge: float = 0.0
+    spoke: int = -1
+    magnify: float = 1.0
 
-    def __init__(self, lattice: Lattice, springs: Springs, wall: Any = None) -> None:
-        self.lattice = lattice
-        self.springs = springs
-        self.wall = wall
-        self.colour = "shear"
-        self.draw = "both"
-        self.theme = "light"
-        self.limit = 1.0
-        self.full_force = 0.0
-        self.full_speed = 0.0
-        self.edge = 0.0
-        self.spoke = -1
-        self.magnify = 1.0
-        self.triangles = Triangles(lattice)
-        self._spacing = float(np.median(lattice.rest_lengths))
+    def __post_init__(self) -> None:
+        self.triangles = Triangles(self.lattice)
+        self._spacing = float(np.median(self.lattice.rest_lengths))
 
     # ---- values
 
     def values(self, x: Array, v: Array) -> Array:
         """Return the coloured quantity (n,) at the points."""
         return at_points(self.colour, self.triangles, self.springs, x, v)
-
-    def scale(self, values: Array) -> float:
-        """Return a round `limit` for `values` (n,), using the disk's points only."""
-        return full_scale(values[: self.lattice.disk_points], self.colour)
 
     @property
     def has_elastic_wall(self) -> bool:
@@ -120,14 +116,6 @@ class Painter:
     def signed(self) -> bool:
         return QUANTITIES[self.colour].signed
 
-    @property
-    def map(self) -> NDArray[np.float32]:
-        """Colour map (LEVELS, 3) from the lowest value to the highest; for fringes,
-        from dark to bright."""
-        return colour_map(
-            self.theme, map_kind(self.colour), self.draw in ("springs", "points")
-        )
-
     def normalised(self, values: Array) -> Array:
         """Return `values` as positions 0 to 1 in the colour map; for fringes, the
         fringe order."""
@@ -139,8 +127,10 @@ class Painter:
     def colours(self, normalised: Array) -> NDArray[np.float32]:
         if self.colour == "fringes":
             normalised = np.sin(np.pi * normalised) ** 2
+        is_bare = self.draw in ("springs", "points")
+        table = colour_map(self.theme, map_kind(self.colour), is_bare)
         levels = np.clip(normalised, 0.0, 1.0) * (LEVELS - 1) + 0.5
-        return self.map[levels.astype(np.intp)]
+        return table[levels.astype(np.intp)]
 
     def mesh(
         self, x: Array, normalised: Array
@@ -186,8 +176,7 @@ class Painter:
         placed = self.placed(x)
         theme = THEMES[self.theme]
         pixel = 1.0 / camera.scale
-        self.shown = self.values(x, v)
-        values = self.normalised(self.shown)
+        values = self.normalised(self.values(x, v))
         colours = self.colours(values)
         half = max(_OUTLINE * unit, 1.0) * pixel  # of an outline
         above = [geometry.NOTHING]

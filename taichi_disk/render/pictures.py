@@ -32,7 +32,8 @@ def arranged(
     outer: Sequence[Sequence[Array]],
 ) -> Camera:
     """Return the camera of one or several disks, each in a picture of `size` [px], and
-    let words stand in the corners if no disk reaches them, else in a band above.
+    let words stand in the corners if no disk reaches them and walls are rigid, else in
+    a band above.
 
     The view ends at the footer.
 
@@ -42,7 +43,8 @@ def arranged(
     _, _, ymin, ymax = view
     bottom = height - footer(letters, height)
     beside = _MARGIN * letters.unit
-    for is_band in (False, True):
+    has_body_below = any(legend.painter.has_elastic_wall for legend in legends)
+    for is_band in (has_body_below, True):
         header = max(legend.set_band(is_band) for legend in legends)
         viewport = beside, width - beside, float(header), float(bottom)
         camera = Camera.fit(view, width, height, viewport=viewport)

@@ -208,8 +208,8 @@ MOST = {
     "tuple assignments": 0,
     "conditional expressions": 120,
     "walruses": 1,
-    "nested comprehensions": 6,
-    "products with a condition": 1,
+    "nested comprehensions": 3,
+    "products with a condition": 0,
 }
 
 

@@ -19,6 +19,7 @@ from taichi_disk.render.legend import LEAST, Legend, Letters, footer
 from taichi_disk.render.moments import Caption
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import LEVELS, THEMES, colour_map
+from taichi_disk.render.pictures import arranged
 
 VIEW = (-1.1, 1.1, -0.1, 2.1)
 DISK = disk_lattice(60, 0)
@@ -299,6 +300,22 @@ def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, is_ba
     assert letters.small >= LEAST
     room = size - header - below
     assert room > 0.4 * size  # the disk is still visible
+
+
+@pytest.mark.parametrize("is_elastic", [True, False])
+def test_words_stand_above_an_elastic_wall_however_large_they_are(is_elastic):
+    above = painter()
+    if is_elastic:
+        ends = np.array([0, 1], dtype=np.int32)
+        above.lattice = replace(above.lattice, wall_surface=ends)
+    letters = Letters(1.0, 1.5)
+    title = ("Impact", "v = 0.1 c    η* = 0    a = 300/R    N = 1,099    seed 0")
+    block = Legend(above, (720, 720), letters, title, [Caption("t = 1.00 R/c")])
+    disks = [above.lattice.positions]
+    camera = arranged([block], (720, 720), letters, (-3.0, 3.0, -4.0, 2.4), [disks])
+    _, wall = camera.to_pixels((0.0, 0.0))
+    _, _, _, bottoms = np.array(block.boxes()).T
+    assert (bottoms.max() < wall) == is_elastic
 
 
 def test_words_of_a_hall_are_larger_by_the_user_s_factor():
