@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
 
 from taichi_disk.figures import theory
 from taichi_disk.figures.axes import (
@@ -196,7 +195,7 @@ def analyse(base: Scene, axes: Sequence[str], rows: Sequence[Row]) -> list[Curve
     abscissa = names.get(base.abscissa)
     if abscissa is None:
         return []
-    seed = names.get(("lattice", "seed"))
+    seed = names.get(("lattice", "seed"), "")  # no column if it is not swept
     others = [name for name in axes if name not in (abscissa, seed)]
     of_material = [name for name in others if target_of(base, name) in MATERIAL]
     done = [row for row in rows if row["status"] == "done"]
@@ -225,7 +224,7 @@ def analyse(base: Scene, axes: Sequence[str], rows: Sequence[Row]) -> list[Curve
 
 
 def _measured(
-    rows: Sequence[Row], abscissa: str, seed: str | None, names: Sequence[str]
+    rows: Sequence[Row], abscissa: str, seed: str, names: Sequence[str]
 ) -> tuple[Array, dict[str, Array] | None]:
     """Return the places x (points,) of a curve, and each result (lattices, points) of
     the lattices without a failed point; None if there is no such lattice."""
@@ -233,7 +232,7 @@ def _measured(
     by_lattice: dict[Any, dict[Any, Row]] = {}
     for row in rows:
         if row["status"] == "done":
-            by_lattice.setdefault(_lattice(row, seed), {})[row[abscissa]] = row
+            by_lattice.setdefault(row.get(seed, 0), {})[row[abscissa]] = row
     complete = []
     for lattice in sorted(by_lattice):
         if len(by_lattice[lattice]) == len(places):
@@ -252,19 +251,12 @@ def _values(rows: Mapping[Any, Row], places: Iterable[Any], name: str) -> list[A
     return [rows[place][name] for place in places]
 
 
-def _lattice(row: Row, seed: str | None) -> Any:
-    """Return the seed of a row's lattice, 0 if it is not swept."""
-    if seed is None:
-        return 0
-    return row[seed]
-
-
-def _mean_moduli(rows: Sequence[Row], seed: str | None) -> tuple[float, float]:
+def _mean_moduli(rows: Sequence[Row], seed: str) -> tuple[float, float]:
     """Return E and nu, means over lattices; a lattice counts once even if it has
     several rows. NaN if they are unknown."""
     moduli = {}
     for row in rows:
-        moduli[_lattice(row, seed)] = (row["young"], row["poisson"])
+        moduli[row.get(seed, 0)] = (row["young"], row["poisson"])
     young, poisson = np.array(list(moduli.values()), float).mean(axis=0)
     return float(young), float(poisson)
 
@@ -311,34 +303,11 @@ def _drawn(scene: Scene, curves: list[Curve]) -> Plot:
     layout = FIGURES[scene.scene]
     figure, ax = one_plot(2.9 + 0.09 * len(curves))
     layout.draw(ax, layout.paper, curves)
-    _add_legend(figure, ax)
+    if ax.containers:  # E is known, unlike that of lattices from a file
+        figure.legend(loc="outside upper center", ncols=2)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # keeps the layout the same in all formats
     return figure
-
-
-def _add_legend(figure: Plot, ax: Axes) -> None:
-    """List the simulated points, then the lines of the laws, in two columns."""
-    handles, labels = ax.get_legend_handles_labels()
-    points = []
-    laws = []
-    for entry in zip(handles, labels, strict=True):
-        if isinstance(entry[0], Line2D):
-            laws.append(entry)
-        else:
-            points.append(entry)
-    if not points:  # E is unknown, as for lattices from a file
-        return
-    # Two columns of laws would be wider than the figure.
-    while len(points) < len(laws):
-        points.append((Line2D([], [], linestyle="none"), ""))
-    entries = points + laws
-    figure.legend(
-        [handle for handle, _ in entries],
-        [label for _, label in entries],
-        loc="outside upper center",
-        ncols=2,
-    )
 
 
 def _points(

@@ -33,18 +33,15 @@ def result_figure(
     which those without a number in `y` are left out. Raises InputError if `x` is not
     swept, or `y` is no column of numbers.
     """
-    names = {target_of(base, name): name for name in axes}
-    axis = names.get(target_of(base, x))
-    if axis is None:
+    if x not in axes:
         raise InputError(f"x: {x} is not swept; there are {', '.join(axes)}")
     with_number = [row for row in rows if _is_number(row.get(y))]
     if not with_number:
         columns = [name for name, value in rows[0].items() if _is_number(value)]
         raise InputError(f"y: no row has a number {y}; there are {', '.join(columns)}")
-    seed = names.get(("lattice", "seed"))
-    others = [name for name in axes if name not in (axis, seed)]
+    others = [name for name in axes if name not in (x, "seed", "lattice.seed")]
     with matplotlib_style({**STYLE, **FONT}):
-        return _figure(base, axis, others, with_number, y)
+        return _figure(base, x, others, with_number, y)
 
 
 def _figure(

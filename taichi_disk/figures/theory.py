@@ -144,10 +144,12 @@ def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
     unit = e_star**-0.5
     grid = np.geomspace(1e-3, MAX_TAU0, 48, dtype=np.float64)
 
+    table = predict(unit * grid)
+
     def solve(weights: Array) -> Array:
         data = weights @ e
-        deviations = predict(unit * grid)[None] - data[:, None]
-        nearest = np.argmin((deviations**2).sum(2), axis=1)
+        squares = (table[None] - data[:, None]) ** 2
+        nearest = squares.sum(axis=2).argmin(axis=1)
         start = grid[nearest][:, None]
         return unit * least_squares(lambda tau: predict(unit * tau[:, 0]), data, start)
 

@@ -20,8 +20,6 @@ MAX_BYTES = 500_000_000
 TABLES = (".csv", ".txt", ".tsv")
 # arrays of a lattice, and the array that says to which points their rows belong
 _OWNERS = {
-    "positions": "positions",
-    "masses": "positions",
     "bonds": "bonds",
     "rest_lengths": "bonds",
     "stiffness": "bonds",
@@ -92,14 +90,15 @@ def disk_rows(arrays: Mapping[str, Any], n: int) -> dict[str, Any]:
     """Return the rows of the first `n` points of those of a lattice's `arrays` that
     belong to points, springs or triangles."""
     rows = {}
+    for name in ("positions", "masses"):
+        if arrays.get(name) is not None:
+            rows[name] = np.asarray(arrays[name])[:n]
     for name, owner in _OWNERS.items():
         array = arrays.get(name)
         if array is None:
             continue
         points = arrays[owner]
-        of_disk = np.arange(len(points)) < n
-        if owner != "positions":
-            of_disk = np.all(np.less(points, n), axis=-1)
+        of_disk = np.all(np.less(points, n), axis=-1)
         if np.shape(array)[:1] != of_disk.shape:
             raise InputError(
                 f"{name} has the shape {np.shape(array)}, which does not fit {owner} of"

@@ -427,16 +427,15 @@ def _first_in_one_piece(
 
 def _meshed(x: Array) -> tuple[Lattice, Long]:
     triangles = delaunay(centred(x))
-    lattice, order = _first_in_one_piece(
-        x, None, without_slivers(x, triangles), triangles
-    )
+    neat = without_slivers(x, triangles)
+    lattice, order = _first_in_one_piece(x, None, neat, triangles)
     length = lattice.rest_lengths
     k = int(length.argmax())
     typical = float(np.median(length))
     if length[k] <= MAX_SPRING * typical:
         return lattice, order
     try:
-        return tiled(x, without_bridges(x, without_slivers(x, triangles)))
+        return tiled(x, without_bridges(x, neat))
     except SimulationError:
         (x0, y0), (x1, y1) = lattice.positions[lattice.bonds[k]]
         raise InputError(

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.errors import InputError, install_extra, pip_install
+from taichi_disk.errors import InputError, install_extra
 from taichi_disk.lattice.triangles import Array, Long
 
 # largest difference of coordinates along an axis that is left out, over the mesh's size
@@ -67,10 +67,6 @@ def _read(path: Path) -> Any:
     try:
         with redirect_stdout(printed), redirect_stderr(printed):
             return meshio.read(path)
-    except ModuleNotFoundError as error:  # such as h5py for XDMF
-        raise InputError(
-            f"meshio needs {error.name} for this mesh: {pip_install(str(error.name))}"
-        ) from None
     except (Exception, SystemExit) as error:
         reason = " ".join(printed.getvalue().split()) or repr(error)
         raise InputError(f"meshio cannot read this mesh ({reason})") from error

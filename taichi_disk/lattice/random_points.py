@@ -58,7 +58,7 @@ def circle_points(
     radius = 1.0
     count = rim_points(points, hole)
     if rim:
-        circle = _unit_circle((np.arange(count) + rng.random()) / count)
+        circle = _ring(rng, count)
         apothem = float(_unit_circle(np.array([0.5 / count]))[0, 0])
         # Triangles on a chord of the rim are at least as high as equilateral ones. The
         # minimum is for four points.
@@ -67,9 +67,8 @@ def circle_points(
     clear = max(spacing * np.sqrt(0.75), 1.1 * np.pi / count)
     for edge in (hole, core):
         if edge:
-            on_edge = round(edge * count)
-            turns = (np.arange(on_edge) + rng.random()) / on_edge
-            circle = np.concatenate([circle, edge * _unit_circle(turns)])
+            on_edge = edge * _ring(rng, round(edge * count))
+            circle = np.concatenate([circle, on_edge])
 
     def depth(p: Array) -> Array:
         r = np.sqrt(p[:, 0] ** 2 + p[:, 1] ** 2)
@@ -132,6 +131,11 @@ def _radius_fault(radius: float, low: float, high: float, body: str, rows: int) 
         f" {MIN_EDGE} springs round its edge and {rows} from there to the rim: change"
         " the radius or increase lattice.points"
     )
+
+
+def _ring(rng: np.random.Generator, count: int) -> Array:
+    """Return evenly spaced points (count, 2) on the unit circle, from a random one."""
+    return _unit_circle((np.arange(count) + rng.random()) / count)
 
 
 def _unit_circle(turns: Array) -> Array:

@@ -79,7 +79,7 @@ def _rows(text: str) -> Rows:
 def _cells(line: str, separator: str | None) -> list[str]:
     if separator != ",":
         line = line.replace(",", ".")  # decimal commas
-    return [cell.strip() for cell in line.split(separator)]
+    return line.split(separator)
 
 
 def _is_number(cell: str) -> bool:
@@ -92,7 +92,7 @@ def _is_number(cell: str) -> bool:
 
 def _by_name(header: list[str], rows: Rows) -> dict[str, Array]:
     """Return the columns whose names in the header say what they are."""
-    names = [name.lower() for name in header]
+    names = [name.strip().lower() for name in header]
     if {len(cells) for cells in rows.values()} == {len(names) + 1}:
         names.insert(0, "")  # R's names of rows
     places: dict[str, int] = {}

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -50,23 +51,29 @@ def with_wall(
     low = np.array([-width / 2, -wall_height(n, points, width)])
     high = np.array([width / 2, 0.0])
     mesh = triangulate(rectangle_points(rng, points, low, high, row, spacing))
-    surface, boundary = _top_and_rest(mesh)
-
-    lift = np.array([0.0, -disk.positions[:, 1].min()])
+    top, other_sides = _top_and_rest(mesh)
     shift = np.int32(n)  # the wall's points follow those of the disk
+    wall = replace(
+        mesh,
+        bonds=mesh.bonds + shift,
+        triangles=mesh.triangles + shift,
+        masses=np.full(points, 1.0 / n),
+    )
+    lowest = disk.positions[:, 1].min()
+    above = disk.positions - np.array([0.0, lowest])
     factors = None
     if disk.stiffness is not None or stiffness != 1.0:
         of_disk = disk.stiffened(np.ones(len(disk.bonds)))
-        factors = np.append(of_disk, np.full(len(mesh.bonds), stiffness))
+        factors = np.append(of_disk, np.full(len(wall.bonds), stiffness))
+    both: dict[str, Any] = {}
+    for name in ("bonds", "rest_lengths", "masses", "triangles"):
+        both[name] = np.concatenate([getattr(disk, name), getattr(wall, name)])
     return replace(
         disk,
-        positions=np.concatenate([disk.positions + lift, mesh.positions]),
-        bonds=np.concatenate([disk.bonds, mesh.bonds + shift]),
-        rest_lengths=np.concatenate([disk.rest_lengths, mesh.rest_lengths]),
-        masses=np.concatenate([disk.masses, np.full(points, 1.0 / n)]),
-        wall_surface=surface + shift,
-        wall_boundary=boundary + shift,
-        triangles=np.concatenate([disk.triangles, mesh.triangles + shift]),
+        **both,
+        positions=np.concatenate([above, wall.positions]),
+        wall_surface=top + shift,
+        wall_boundary=other_sides + shift,
         stiffness=factors,
     )
 

@@ -229,10 +229,11 @@ class ElasticWall(Wall):
         `x` (k, 2) are points of the disk, `ends` (k, w, 2) the wall's points that take
         the reactions.
         """
-        away = x - ends[:, 0]
-        along = ends[:, 1] - ends[:, 0]
+        start, end = ends.swapaxes(0, 1)
+        away = x - start
+        along = end - start
         length2 = (along * along).sum(axis=1)
-        across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        across = along[:, ::-1] * [-1.0, 1.0]
         normal = across / np.sqrt(length2)[:, None]
         distance = (away * normal).sum(axis=1)
         lever = (away * along).sum(axis=1) / length2

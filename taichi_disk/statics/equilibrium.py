@@ -206,13 +206,15 @@ def resting_angle(disk: Lattice, modulus: float, a: float, pressure: float) -> f
     from scipy.optimize import minimize_scalar
 
     decay_length = 1.0 / a + 2.0 * pressure / (np.pi * modulus)
-    x, y = (disk.positions[disk.disk_surface] - disk.mean(disk.positions)).T
+    surface = disk.positions[disk.disk_surface]
+    x, y = (surface - disk.mean(disk.positions)).T
 
     def height(angle: float) -> float:
-        below = -np.sin(angle) * x - np.cos(angle) * y
-        lowest = below.max()
-        weights = np.exp((below - lowest) / decay_length)
-        return float(lowest + decay_length * np.log(weights.sum()))
+        """Return the height of the centre of mass of the rotated disk."""
+        depths = -np.sin(angle) * x - np.cos(angle) * y
+        deepest = depths.max()
+        weights = np.exp((depths - deepest) / decay_length)
+        return float(deepest + decay_length * np.log(weights.sum()))
 
     count = max(360, 4 * len(x))
     angles, step = np.linspace(-np.pi, np.pi, count, endpoint=False, retstep=True)

@@ -37,14 +37,11 @@ MAX_PARTS = 1_000_000
 def ordered(scenes: Scenes) -> Scenes:
     """Sort scenes by lattice, then by key. Keys are hashes, so every section of the
     order is a random sample."""
-    lattices: dict[object, list[str]] = {}
-    for key, scene in scenes.items():
-        lattices.setdefault(lattice_key(scene), []).append(key)
-    in_order: Scenes = {}
-    for keys in lattices.values():
-        for key in sorted(keys):
-            in_order[key] = scenes[key]
-    return in_order
+    rank: dict[object, int] = {}  # of lattices, by their first scenes
+    for scene in scenes.values():
+        rank.setdefault(lattice_key(scene), len(rank))
+    keys = sorted(scenes, key=lambda key: (rank[lattice_key(scenes[key])], key))
+    return {key: scenes[key] for key in keys}
 
 
 def part_of(part: str, scenes: Scenes) -> Scenes:

@@ -73,9 +73,10 @@ class Pool(ThreadPoolExecutor):
         self.shutdown(cancel_futures=True)
 
     def __exit__(self, *error: Any) -> None:
-        if error[0] is not None:
+        if error[0] is None:
+            self.shutdown()
+        else:
             self.kill()
-        self.shutdown()
 
 
 def _start() -> subprocess.Popen[bytes]:
