@@ -3,10 +3,11 @@
 import { element } from "./html.js";
 import { label, line, roundAbove } from "./legend.js";
 
-const GRAPHS = [["energy"], ["force", "motion"]]; // what each graph shows, on its left and right scale
+const GRAPHS = [["energy"], ["force", "motion"]]; // on the left and right scale of each graph
 const TIME_STEP = 5; // the axis of time grows by this [R/c]
-const NAMES = 104; // width for the names of the curves [px]
-const LINE_HEIGHT = 14; // of a name [px]
+const LETTERS = 12; // size of the letters [px]
+const NAMES = 8.7; // width for the names of the curves, over the size of the letters
+const LINE_HEIGHT = 1.2; // of a name, over the size of the letters
 const WIDE = 160; // axis of time with room for a number in its middle [px]
 
 // Write names, each with the curve whose colours it has, if any.
@@ -34,18 +35,19 @@ export function frame(plot, contents, below, ...scales) {
   plot.style.setProperty("--rule-top", `${100 - height(scales[0], middle(scales[0]))}%`);
 }
 
-// Return heights [px] near the wanted ones at which names do not overlap, in a plot so high.
-function spread(wanted, height) {
+// Return heights [px] near the wanted ones at which names do not overlap, in a plot so high; `apart`:
+// height of a name.
+function spread(wanted, height, apart) {
   const order = wanted.map((_, k) => k).sort((a, b) => wanted[a] - wanted[b]);
   const places = [];
-  let last = -LINE_HEIGHT / 2;
+  let last = -apart / 2;
   for (const k of order) {
-    places[k] = Math.max(wanted[k], last + LINE_HEIGHT);
+    places[k] = Math.max(wanted[k], last + apart);
     last = places[k];
   }
-  let next = height + LINE_HEIGHT / 2;
+  let next = height + apart / 2;
   for (const k of order.reverse()) {
-    places[k] = Math.min(places[k], next - LINE_HEIGHT);
+    places[k] = Math.min(places[k], next - apart);
     next = places[k];
   }
   return places;
@@ -56,11 +58,12 @@ export class Graphs {
   constructor(canvases, scrub) {
     this.canvases = canvases;
     this.end = TIME_STEP; // of the axis of time [R/c]
+    this.letters = LETTERS; // [px]
     for (const canvas of canvases) {
       canvas.onpointerdown = canvas.onpointermove = ({ buttons, pointerId, offsetX }) => {
         if (!(buttons & 1) || !this.data) return;
         canvas.setPointerCapture(pointerId);
-        const part = offsetX / (canvas.clientWidth - NAMES);
+        const part = offsetX / (canvas.clientWidth - NAMES * this.letters);
         scrub(Math.min(Math.max(part, 0), 1) * this.end);
       };
     }
@@ -85,8 +88,10 @@ export class Graphs {
     this.curves.forEach(({ values }, k) => values.push(graph[k]));
   }
 
-  draw(state, theme, name) {
+  // `letters`: their size over the usual size.
+  draw(state, theme, name, letters) {
     if (!this.data || !this.canvases[0].clientWidth) return;
+    this.letters = letters * LETTERS;
     this.end = TIME_STEP * Math.max(Math.ceil((1.02 * this.data.t.at(-1)) / TIME_STEP), 1);
     this.canvases.forEach((canvas, k) => {
       const shown = GRAPHS[k].map((graph) => this.scaled(graph, state.fullForce));
@@ -113,7 +118,7 @@ export class Graphs {
     const { clientWidth: width, clientHeight: height } = canvas;
     const { data, end } = this;
     const ctx = canvas.getContext("2d");
-    const across = width - NAMES;
+    const across = width - NAMES * this.letters;
     const toX = (time) => Math.min(time / end, 1) * across;
     canvas.width = width * devicePixelRatio;
     canvas.height = height * devicePixelRatio;
@@ -128,19 +133,13 @@ export class Graphs {
         if (!isFlat) names.push({ text, colour: colours[name], y: toY(values.at(-1)) });
       }
     }
-    line(
-      ctx,
-      [0, height].map((y) => [toX(t), y]),
-      theme.accent,
-      2,
-    );
-    const places = spread(
-      names.map(({ y }) => y),
-      height,
-    );
+    const present = [0, height].map((y) => [toX(t), y]);
+    line(ctx, present, theme.accent, 2);
+    const wanted = names.map(({ y }) => y);
+    const places = spread(wanted, height, LINE_HEIGHT * this.letters);
     const x = toX(data.t.at(-1)) + 6;
     Object.assign(ctx, {
-      font: "12px system-ui, sans-serif",
+      font: `${this.letters}px system-ui, sans-serif`,
       textBaseline: "middle",
       lineWidth: 3,
     });

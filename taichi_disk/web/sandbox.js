@@ -27,8 +27,9 @@ const OWN_KEYS = [
 const NEWEST = 9e6; // above the number of every state: acknowledges all of them
 const MESSAGE_TIME = 6000; // for which a message is shown [ms]
 const LEGEND_WIDTH = 280; // that its longest name needs [px]
-const READABLE_HEIGHT = 400; // of a picture below which letters must not take more room [px]
+const READABLE_HEIGHT = 380; // of a picture below which letters must not take more room [px]
 const IDLE_TIME = 3000; // after which the projector's controls fade [ms]
+const THEME = "taichi-disk theme"; // name under which the visitor's theme is stored
 const DARK = matchMedia("(prefers-color-scheme: dark)");
 
 // Return the program's name of a key. Letters count by their place on the keyboard if the layout has
@@ -45,13 +46,30 @@ function captionLine(text) {
   return text[0] === "*" ? element("b", {}, text.slice(1)) : element("span", {}, text);
 }
 
+// Return the theme that the visitor chose before a reload, or "". A frame may forbid to store one.
+function storedTheme() {
+  try {
+    return sessionStorage.getItem(THEME) ?? "";
+  } catch {
+    return "";
+  }
+}
+
+function storeTheme(theme) {
+  try {
+    sessionStorage.setItem(THEME, theme);
+  } catch {
+    // The next reload forgets it.
+  }
+}
+
 export class Sandbox {
   // `node` holds the elements of index.html; `send` takes a command for the program.
   constructor(node, send) {
     Object.assign(this, {
       node,
       plays: true,
-      hasChosen: false, // a theme
+      theme: storedTheme(),
       hello: null,
       panel: null,
       state: null,
@@ -90,7 +108,7 @@ export class Sandbox {
     ui.eq5.onchange = () => this.showResults();
     ui.timeline.oninput = () => this.send({ do: "scrub", t: Number(ui.timeline.value) });
     node.onpointermove = () => this.wake();
-    DARK.onchange = () => this.followSystem();
+    DARK.onchange = () => this.takeTheme();
     document.addEventListener("fullscreenchange", () => {
       if (!document.fullscreenElement) this.project(false);
     });
@@ -140,7 +158,7 @@ export class Sandbox {
     if (OWN_KEYS.some(([controls, keys]) => target.matches(controls) && keys.test(key))) return;
     if (event.repeat && !this.hello.repeating.includes(key)) return;
     if (key === "Escape") this.project(false);
-    if (key === "t") this.hasChosen = true;
+    if (key === "t") this.chooseTheme(this.drawing.options.theme === "dark" ? "light" : "dark");
     const button = this.node.querySelector(`[aria-keyshortcuts="${CSS.escape(key)}"]`);
     if (button) button.click();
     else if (this.hello.keys.some(([keys]) => keys.split(" ").includes(key)))
@@ -150,14 +168,19 @@ export class Sandbox {
   }
 
   set(key, value) {
-    if (key === "video.theme") this.hasChosen = true;
+    if (key === "video.theme") this.chooseTheme(value);
     this.send(key === "speed" ? { do: "speed", value } : { do: "set", key, value });
   }
 
-  // Take the system's light or dark theme until the visitor has chosen one.
-  followSystem() {
-    const theme = DARK.matches ? "dark" : "light";
-    if (!this.hasChosen) this.send({ do: "set", key: "video.theme", value: theme });
+  chooseTheme(theme) {
+    this.theme = theme;
+    storeTheme(theme);
+  }
+
+  // Take the theme that the visitor has chosen, or the system's until then.
+  takeTheme() {
+    const system = DARK.matches ? "dark" : "light";
+    this.send({ do: "set", key: "video.theme", value: this.theme || system });
   }
 
   // Copy a text; a page that came by plain http has no clipboard, but can copy a selection.
@@ -170,7 +193,7 @@ export class Sandbox {
     field.remove();
   }
 
-  // Show only the picture, with large letters and controls that fade.
+  // Show only the picture and its curves, with large letters and controls that fade.
   project(isOn) {
     const { node, drawing } = this;
     if (isOn === node.hasAttribute("data-projector")) return;
@@ -298,7 +321,7 @@ export class Sandbox {
       const point = [state.x[pulled], state.x[pulled + 1]];
       drawing.drawArrow(point, this.target, theme.accent, theme);
     }
-    this.graphs.draw(state, theme, name);
+    this.graphs.draw(state, theme, name, this.letters);
     if (panel.again < 1) return;
     ui.timeline.max = Math.max(this.graphs.data?.t.at(-1) ?? 1, 1e-3);
     ui.timeline.value = state.t;
@@ -365,7 +388,7 @@ export class Sandbox {
       this.shownNumber = panel.number;
     }
     node.ariaBusy = false; // all that was empty until now is filled
-    if (isFirst && value("theme") === "light") this.followSystem();
+    if (isFirst && (this.theme || value("theme") === "light")) this.takeTheme();
     this.redraw();
   }
 

@@ -1112,70 +1112,85 @@ for (const one of texts.slice(0, 2).filter((text) => text.textContent).map(box))
 return found;
 """
 # A control by chance: a slider is led, a choice made, a button pressed unless it saves
-# a file.
+# a file. Arguments: which control, and which of its values, from 0 to 1.
 ANY_CONTROL = """
+const [which, part] = arguments;
 const controls = [...document.querySelectorAll("main button, main input, main select")];
 const all = controls.filter((one) => one.checkVisibility());
-const one = all[Math.floor(arguments[0] * all.length)];
+const one = all[Math.floor(which * all.length)];
 if (!one) return;
 if (one.type === "range") {
-  one.value = Number(one.min) + 0.6 * Math.random() * (one.max - one.min);
+  one.value = Number(one.min) + 0.6 * part * (one.max - one.min);
   one.dispatchEvent(new Event("change"));
 } else if (one.matches("select")) {
-  one.selectedIndex = Math.floor(Math.random() * one.length);
+  one.selectedIndex = Math.floor(part * one.length);
   one.onchange();
 } else if (!/picture|film|yaml|csv/.test(one.id)) one.click();
 """
+# Delete, Tab, Enter, Escape, arrows and others, as selenium writes them
+OTHER_KEYS = "\ue003\ue006\ue00c\ue012\ue013\ue014\ue015"
+ANY_KEY = [*"rhbnlxedazjksfycotiug ?5", *OTHER_KEYS]
+EVENTS = 6  # for each scene
+# A disk may be large by now, and its state is computed before the next event.
+ANSWER_TIME = 60.0
+
+
+def interfere(browser: Browser, choose: random.Random) -> None:
+    """Do one thing that a user may do: press a key, drag, use a control, or change the
+    size of the page."""
+    kind = choose.random()
+    if kind < 0.3:
+        browser.key(choose.choice(ANY_KEY), choose.choice([0.02, 0.4]))
+    elif kind < 0.6:
+        ends = [(choose.randrange(1, 990), choose.randrange(60, 750)) for _ in range(2)]
+        button = choose.choice([0, 0, 2])
+        is_touch = choose.random() < 0.3
+        browser.drag(*ends, pause=0.05, button=button, touch=is_touch)
+    elif kind < 0.85:
+        browser.driver.execute_script(ANY_CONTROL, choose.random(), choose.random())
+    elif kind < 0.9:
+        browser.resize((choose.randrange(200, 1600), choose.randrange(200, 1100)))
+        browser.resize((1000, 760))
+    else:
+        browser.close_lists()
+
+
+def interfere_with_all_scenes(
+    browser: Browser, program: subprocess.Popen[str], seed: int, events: int
+) -> None:
+    """Play every scene of the list and do `events` things to it. The page must answer
+    afterwards, and say no error."""
+    choose = random.Random(seed)
+    scenes = browser.script("return window.sandbox.hello.playlist.length")
+    for number in range(scenes):
+        browser.script(f"window.sandbox.send({{ do: 'play', number: {number} }})")
+        browser.script("window.sandbox.send({ do: 'press', key: 'space' })")
+        for _ in range(events):
+            interfere(browser, choose)
+            assert program.poll() is None, f"scene {number}"
+        browser.close_lists()
+        before = browser.state("number")
+        browser.script("window.sandbox.send({ do: 'press', key: 'r' })")
+        answered = partial(answers_after, browser, before)
+        assert browser.wait(answered, ANSWER_TIME)
+        errors = browser.errors()
+        message = browser.script("return window.sandbox.panel.message")
+        assert errors == [], f"scene {number}: {errors}"
+        assert "error of the program" not in message, f"scene {number}: {message}"
+        assert browser.script("return window.sandbox.ui.fault.hidden")
+
+
+def answers_after(browser: Browser, number: float) -> bool:
+    return browser.state("number") > number
 
 
 @pytest.mark.validate
-def test_anything_that_a_user_does_leaves_the_page_alive(
+def test_anything_that_a_user_does_to_any_scene_leaves_the_page_alive(
     served: tuple[subprocess.Popen[str], str], browser: Browser
 ) -> None:
     program, url = served
     browser.open(url)
-    choose = random.Random(3)
-    keys = [
-        *"rhbnlxedazjksfycotiug ",
-        "\ue003",
-        "\ue006",
-        "\ue00c",
-        "\ue012",
-        "\ue013",
-        "\ue014",
-        "\ue015",
-        "?",
-        "5",
-    ]
-    end = time.monotonic() + 60.0
-    while time.monotonic() < end:
-        what, place = (
-            choose.random(),
-            lambda: (choose.randrange(1, 990), choose.randrange(60, 750)),
-        )
-        if what < 0.3:
-            browser.key(choose.choice(keys), choose.choice([0.02, 0.4]))
-        elif what < 0.6:
-            browser.drag(
-                place(),
-                place(),
-                pause=0.05,
-                button=choose.choice([0, 0, 2]),
-                touch=choose.random() < 0.3,
-            )
-        elif what < 0.8:
-            browser.driver.execute_script(ANY_CONTROL, choose.random())
-        elif what < 0.85:
-            browser.resize((choose.randrange(200, 1600), choose.randrange(200, 1100)))
-            browser.resize((1000, 760))
-        else:
-            browser.close_lists()
-        assert program.poll() is None
-    browser.close_lists()
-    number = browser.state("number")
-    browser.click("start")
-    assert browser.wait(lambda: browser.state("number") > number, 60.0)
-    assert browser.errors() == []
+    interfere_with_all_scenes(browser, program, seed=3, events=EVENTS)
     ended(program, signal.SIGINT)
 
 
@@ -1271,7 +1286,7 @@ def test_letters_are_keys_by_their_place_on_other_layouts(
 
 
 @pytest.mark.validate
-def test_the_system_s_preference_counts_until_a_theme_is_chosen(
+def test_the_system_s_preference_counts_until_a_theme_is_chosen_also_after_a_reload(
     served: tuple[subprocess.Popen[str], str], browser: Browser
 ) -> None:
     def prefer(theme: str) -> None:
@@ -1291,6 +1306,14 @@ def test_the_system_s_preference_counts_until_a_theme_is_chosen(
     prefer("light")
     time.sleep(0.5)
     assert browser.look("theme") == "dark"
+    browser.open(served[1])
+    browser.wait(lambda: browser.look("theme") == "dark")
+    browser.key("t")
+    browser.wait(lambda: browser.look("theme") == "light")
+    prefer("dark")
+    browser.open(served[1])
+    time.sleep(0.5)
+    assert browser.look("theme") == "light"
     ended(served[0])
 
 
