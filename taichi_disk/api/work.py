@@ -17,7 +17,6 @@ from taichi_disk.api.lattices import compare_lattices, lattice_count
 from taichi_disk.computation.diagnostics import BlowUp
 from taichi_disk.computation.outcome import Outcome, compute
 from taichi_disk.computation.scenario import Scenario
-from taichi_disk.computation.stability import spectrum
 from taichi_disk.errors import NoPictures, SimulationError
 from taichi_disk.lattice import Lattice, own_start
 from taichi_disk.output import files
@@ -27,7 +26,7 @@ from taichi_disk.output.report import headline
 from taichi_disk.output.run_folder import RunFolder
 from taichi_disk.progress import Progress, silent
 from taichi_disk.scenes import Scene
-from taichi_disk.scenes.setup import setup_of
+from taichi_disk.scenes.setup import body_of, spectrum_of
 
 FRAMES = 200  # default number of frames of a trajectory
 MOST_FRAMES = 100_000
@@ -68,7 +67,7 @@ class Work:
     def _body(self) -> Lattice:
         if self.own.disk is not None:
             return self.own.disk
-        return setup_of(self.scene).body
+        return body_of(self.scene)
 
     def lap(self, stage: str, **within: float) -> None:
         """Add the time since the last lap to `stage`, minus the times `within` it,
@@ -93,10 +92,9 @@ class Work:
         """Compute `scenario` and return the outcome with a complete summary. Options
         and errors as for `compute`."""
         scene = self.scene
-        spectrum_of = spectrum
         if self.own.disk is None:
-            spectrum_of = setup_of(scene).spectrum
-        outcome = compute(scenario, self.progress, spectrum_of=spectrum_of, **options)
+            options["spectrum_of"] = partial(spectrum_of, scene)
+        outcome = compute(scenario, self.progress, **options)
         self.lap("simulate", compile=outcome.compile_seconds)
         summary = self._heading("done") | outcome.summary | {"video": None}
         count, notes = lattice_count(outcome, lattices)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -192,6 +193,7 @@ class Moduli:
         return math.sqrt(self.young / (2.0 * (1.0 + self.poisson) * self.density))
 
 
+@lru_cache(maxsize=8)  # the scenes of a sweep share them
 def bulk_moduli(points: int, seed: int, k: float, min_spacing: float) -> Moduli:
     """Measure the moduli of the material of a disk of `points` points by stretching a
     square sample.

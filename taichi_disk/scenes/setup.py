@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
-from functools import cached_property
+from functools import partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
@@ -12,55 +12,40 @@ from taichi_disk.scenes import Scene
 
 if TYPE_CHECKING:
     from taichi_disk.computation.outcome import Outcome
+    from taichi_disk.computation.stability import Spectrum
+    from taichi_disk.physics import Model
 
 MAX_POINTS = 100_000  # total number of points of the cached lattices
 
-
-class LatticeSetup:
-    """The unloaded lattice `body` of a scene, with its moduli and spectra."""
-
-    def __init__(self, scene: Scene) -> None:
-        self._scene = scene
-        self.body = scene.body()
-        self._spectra: dict[bool, Any] = {}
-
-    @cached_property
-    def moduli(self) -> dict[str, float]:
-        """`young` E [M c^2/R^2] and `poisson` nu of the material; empty for a lattice
-        from a file."""
-        if self._scene.lattice.file != "none":
-            return {}
-        found = self._scene.moduli(self._scene.lattice.points)
-        return {"young": found.young, "poisson": found.poisson}
-
-    def spectrum(self, lattice: Lattice, model: Any) -> Any:
-        """Return the spectrum of this body at t = 0, which is `lattice`, with the
-        springs and dashpots of `model`."""
-        from taichi_disk.computation.stability import spectrum
-
-        # a file's springs may be strained, and relax before a compression
-        if self._scene.lattice.file != "none":
-            return spectrum(lattice, model)
-        damped = model.springs.damped
-        if damped not in self._spectra:
-            self._spectra[damped] = spectrum(self.body, model)
-        return self._spectra[damped]
+_BODIES: dict[Hashable, Lattice] = {}  # in the order of their last use
+_SPECTRA: dict[Hashable, Spectrum] = {}
 
 
-_SETUPS: dict[Hashable, LatticeSetup] = {}  # in the order of their last use
-
-
-def setup_of(scene: Scene) -> LatticeSetup:
-    """Return the setup of the scene's lattice. Raises TaichiDiskError if there is no
-    such lattice."""
+def body_of(scene: Scene) -> Lattice:
+    """Return the scene's unloaded lattice. Raises TaichiDiskError if there is no such
+    lattice."""
     key = lattice_key(scene)
-    setup = _SETUPS.pop(key, None) or LatticeSetup(scene)
-    _SETUPS[key] = setup
-    points = sum(len(one.body.masses) for one in _SETUPS.values())
-    while points > MAX_POINTS and len(_SETUPS) > 1:
-        oldest = _SETUPS.pop(next(iter(_SETUPS)))
-        points -= len(oldest.body.masses)
-    return setup
+    body = _BODIES.pop(key, None) or scene.body()
+    _BODIES[key] = body
+    points = sum(len(one.masses) for one in _BODIES.values())
+    while points > MAX_POINTS and len(_BODIES) > 1:
+        oldest = _BODIES.pop(next(iter(_BODIES)))
+        points -= len(oldest.masses)
+    return body
+
+
+def spectrum_of(scene: Scene, lattice: Lattice, model: Model) -> Spectrum:
+    """Return the spectrum of the scene's lattice, which is `lattice` at t = 0, with the
+    springs and dashpots of `model`."""
+    from taichi_disk.computation.stability import spectrum
+
+    # a file's springs may be strained, and relax before a compression
+    if scene.lattice.file != "none":
+        return spectrum(lattice, model)
+    key = lattice_key(scene), model.springs.damped
+    if key not in _SPECTRA:
+        _SPECTRA[key] = spectrum(body_of(scene), model)
+    return _SPECTRA[key]
 
 
 def outcome_of(scene: Scene, **options: Any) -> Outcome:
@@ -68,9 +53,9 @@ def outcome_of(scene: Scene, **options: Any) -> Outcome:
     errors as for `compute`."""
     from taichi_disk.computation.outcome import compute
 
-    setup = setup_of(scene)
-    scenario = scene.scenario(setup.body)
-    return compute(scenario, spectrum_of=setup.spectrum, loads=1, **options)
+    scenario = scene.scenario(body_of(scene))
+    known_spectrum = partial(spectrum_of, scene)
+    return compute(scenario, spectrum_of=known_spectrum, loads=1, **options)
 
 
 def lattice_key(scene: Scene) -> Hashable:

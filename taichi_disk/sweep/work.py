@@ -18,7 +18,7 @@ from taichi_disk import engine, runtime
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.output.files import versions
 from taichi_disk.scenes import Scene
-from taichi_disk.scenes.setup import outcome_of, setup_of
+from taichi_disk.scenes.setup import outcome_of
 
 MAX_REASON = 300  # number of characters of an unexpected error's message
 
@@ -127,7 +127,9 @@ def _computed(scene: Scene, estimate: bool) -> PointResult:
     outcome = outcome_of(scene, estimate=estimate)
     summary = outcome.summary
     numbers: dict[str, Any] = dict(outcome.scenario.result(outcome.columns))
-    numbers |= setup_of(scene).moduli
+    if scene.lattice.file == "none":  # the material of other points is not known
+        moduli = scene.moduli(scene.lattice.points)
+        numbers |= {"young": moduli.young, "poisson": moduli.poisson}
     numbers["error_estimate"] = next(iter(summary["error_estimate"].values()), None)
     if "energy" in summary:
         numbers["energy_imbalance"] = summary["energy"]["closing_imbalance"]

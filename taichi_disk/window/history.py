@@ -18,7 +18,7 @@ from taichi_disk.computation.step_control import StepControl
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import MouseSpring
 from taichi_disk.scenes import Scene
-from taichi_disk.scenes.setup import setup_of
+from taichi_disk.scenes.setup import body_of, spectrum_of
 from taichi_disk.simulation.observables import INDEX, within
 from taichi_disk.simulation.simulation import MAX_STEPS, KernelCache
 from taichi_disk.simulation.stepping import Snapshot
@@ -195,13 +195,12 @@ class Timeline:
         """Begin at t = 0 of a scene. Raises TaichiDiskError if the scene cannot be
         computed."""
         scene = scene.in_time()
-        setup = setup_of(scene)
-        self.body: Lattice = setup.body
+        self.body: Lattice = body_of(scene)
         self.scenario: Scenario = with_mouse(scene, self.body)
         model = self.scenario.model
         # Include the damping rates of dashpots, which the user may switch on later.
         damped = replace(model, springs=replace(model.springs, eta=1.0))
-        self.spectrum: Spectrum = setup.spectrum(self.scenario.lattice, damped)
+        self.spectrum: Spectrum = spectrum_of(scene, self.scenario.lattice, damped)
         self.checkpoints: list[Checkpoint] = []
         self.spacing = STORE_SPACING * model.springs.time_unit
         self._follow(Segment(StepControl(self.scenario, self.spectrum), kernels))
