@@ -29,5 +29,7 @@ def table(
         ratio = median(one / other for one, other in zip(own, base, strict=True))
         remark = (remarks or {}).get(name, "")
         yield (
-            f"  {name:<60}{ratio:8.2f}{min(own):9.3g}{median(own):9.3g}  {remark}".rstrip()
+            (
+                f"  {name:<60}{ratio:8.2f}{min(own):9.3g}{median(own):9.3g}  {remark}"
+            ).rstrip()
         )

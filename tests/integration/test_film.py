@@ -291,7 +291,7 @@ def test_an_arrow_of_any_force_ends_in_the_picture(tmp_path, monkeypatch):
 
 
 @needs_vulkan
-def test_the_film_holds_at_the_greatest_compression_shows_its_pace_and_ends_with_the_result(
+def test_the_film_holds_at_the_greatest_compression_and_ends_with_the_result(
     run, tmp_path, captions
 ):
     scenario, outcome = run.scenario, run
@@ -429,7 +429,7 @@ def test_an_unknown_moment_is_refused_with_the_list_of_known_ones(run, tmp_path,
 
 
 @needs_vulkan
-def test_a_single_picture_of_a_comparison_shows_the_whole_of_a_disk_that_has_left_already(
+def test_a_picture_of_a_comparison_shows_the_whole_of_a_disk_that_has_left_already(
     tmp_path,
 ):
     slow, fast = (

@@ -263,7 +263,10 @@ def test_from_a_file_it_plays_scrubs_zooms_magnifies_and_shows_every_quantity(
     speed = "document.querySelector('[data-key=speed] [type=text]')"
     browser.execute_script(f"{speed}.value = '-3'; {speed}.onchange()")
     assert browser.execute_script(f"return {speed}.value") == "0.1"
-    script = "document.querySelector('canvas').dispatchEvent(new WheelEvent('wheel', {deltaY: -600, clientX: 300, clientY: 300}))"
+    script = (
+        "document.querySelector('canvas').dispatchEvent(new WheelEvent('wheel', "
+        "{deltaY: -600, clientX: 300, clientY: 300}))"
+    )
     old = canvas(browser)
     browser.execute_script(script)
     assert np.abs(canvas(browser) - old).mean() > 1.0
@@ -294,7 +297,10 @@ def test_on_a_screen_of_any_size_no_text_is_small_and_nothing_scrolls_sideways(
     nameless = """return [...document.querySelectorAll('button, select, input')].filter(e =>
         !(e.ariaLabel || e.textContent.trim() || e.labels?.length)).map(e => e.outerHTML)"""
     assert browser.execute_script(nameless) == []
-    names = "const e = document.getElementById('names'); return [e.innerText, e.scrollWidth - e.clientWidth]"
+    names = (
+        "const e = document.getElementById('names'); return [e.innerText, "
+        "e.scrollWidth - e.clientWidth]"
+    )
     text, cut = browser.execute_script(names)
     assert "elastic" in text and "flight" in text and cut <= 0
     # a canvas has the pixels that it covers: no circle is an ellipse

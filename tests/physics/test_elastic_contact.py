@@ -35,7 +35,7 @@ def forces(kernels, x, model=BARE):
 
 
 @pytest.mark.parametrize("roughness", [0.0, 0.03, 0.06])
-def test_every_point_finds_the_spring_below_it_and_the_lever_rule_balances_force_and_torque(
+def test_every_point_finds_the_spring_below_it_and_force_and_torque_balance(
     roughness, kernels
 ):
     # Compare with a search over all pairs of points and springs. The surface is so
@@ -91,7 +91,7 @@ def smooth_potential(x):
 
 
 @pytest.mark.parametrize("roughness", [0.0, 0.03])
-def test_the_smooth_contact_pushes_along_the_gradient_of_its_potential_and_keeps_momentum(
+def test_the_smooth_contact_pushes_along_its_gradient_and_keeps_momentum(
     roughness, kernels
 ):
     model = Model(Springs(1e-12, 1e-12), SMOOTH, boundary=ResetBoundary(1.0))

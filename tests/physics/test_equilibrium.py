@@ -208,7 +208,7 @@ def test_every_row_of_a_loading_is_an_equilibrium_of_plain_numpy(loading):
     )
 
 
-def test_the_load_s_work_is_the_energy_stored_and_the_slope_of_the_potential_the_centre_s_height():
+def test_the_load_s_work_is_stored_and_the_potential_s_slope_is_the_centre_s_height():
     # dV/dP = y_cm for V = U + P y_cm (Hellmann and Feynman), and dU = -P dy_cm; by the
     # trapezoidal rule.
     scene, off = (

@@ -239,7 +239,7 @@ def test_when_it_ends_the_disk_has_left_for_good(name, settings, kernels):
     assert_has_left(kernels, name, *settings)
 
 
-def test_a_body_that_turns_faster_than_it_rises_ends_no_sooner_than_its_corners_are_clear():
+def test_a_body_that_turns_fast_ends_no_sooner_than_its_corners_are_clear():
     scenario = load_scene(
         "exponential_wall", [*TURNING, "material.eta_star=0"]
     ).scenario()

@@ -37,7 +37,7 @@ def oscillator(integrator, angle):
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS.values(), ids=INTEGRATORS)
-def test_an_oscillator_is_stable_up_to_the_stated_limit_and_its_phase_has_the_stated_order(
+def test_an_oscillator_is_stable_up_to_the_limit_and_its_phase_has_the_stated_order(
     integrator,
 ):
     angles = np.linspace(0.01, integrator.stable - 1e-4, 2000)

@@ -56,7 +56,8 @@ def test_an_error_a_crash_and_a_hang_are_reported_with_the_remedy(
     remedy = f"\nNot ready: {message}\n    {doctor.REMEDY}\n"
     if "crashed" in message:
         remedy += (
-            "    If that is done, the cache of kernels may be damaged: delete the folder"
+            "    If that is done, the cache of kernels may be damaged: "
+            "delete the folder"
             f" {python}/cache\n"
         )
     assert text.endswith(remedy)

@@ -138,7 +138,7 @@ def test_every_result_has_an_estimate_that_holds_where_errors_are_no_power_of_th
     assert errors["contact_time"] < 15.0 * true["contact_time"]
 
 
-def test_the_estimate_of_the_contact_time_holds_when_half_of_the_rows_agree_with_all_by_chance(
+def test_the_estimate_of_the_contact_time_holds_when_half_of_the_rows_agree_by_chance(
     kernels,
 ):
     # If every other row is left out, the contact time changes by an eighth of its
@@ -213,7 +213,7 @@ def test_the_error_of_a_step_as_long_as_the_decay_length_is_not_understated(kern
 
 
 @pytest.mark.parametrize("spin", [0.0, 0.3])
-def test_where_a_step_does_not_resolve_the_wall_the_estimate_is_half_the_worst_imbalance_at_least(
+def test_if_a_step_does_not_resolve_the_wall_the_estimate_is_half_the_worst_imbalance(
     spin, kernels
 ):
     # Relative to the kinetic energy K of the flight; with a spin, whose energy is part

@@ -108,7 +108,7 @@ def test_a_perfect_lattice_has_young_s_modulus_2_over_root_3_and_poisson_s_ratio
 
 
 @pytest.mark.parametrize("body", ["disk", "disk and wall", "literal disk"])
-def test_the_area_integral_of_the_stress_is_the_virial_of_all_other_forces_and_of_inertia(
+def test_the_integral_of_the_stress_is_the_virial_of_other_forces_and_of_inertia(
     body,
 ):
     lattice, wall = DISK, ExponentialWall(40.0, 0.02)

@@ -94,7 +94,7 @@ def test_only_a_folder_of_numbered_files_is_replaced(tmp_path):
     assert everything(tmp_path) == {folder, folder / "0.png", folder / "me.png"}
 
 
-def test_the_time_series_reads_back_bitwise_without_columns_of_zeros_and_is_thinned_on_request(
+def test_the_time_series_reads_back_bitwise_and_is_thinned_on_request(
     tmp_path,
 ):
     columns = {

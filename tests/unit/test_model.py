@@ -103,7 +103,7 @@ def test_a_law_that_a_scene_has_no_use_for_has_no_field_and_is_not_computed(
     simulation.destroy()
 
 
-def test_equal_springs_are_computed_by_a_kernel_that_knows_no_others_and_masses_need_no_other_kernel(
+def test_equal_springs_have_a_kernel_of_their_own_and_masses_need_no_other_kernel(
     kernels,
 ):
     lattice = disk(60, height=0.03)
@@ -170,7 +170,7 @@ def test_the_numbers_of_a_scene_reach_its_laws(scene, own):
 
 
 @pytest.mark.validate
-def test_other_parameters_compile_nothing_and_a_lattice_without_room_replaces_the_simulation():
+def test_other_parameters_compile_nothing_and_a_larger_lattice_needs_a_simulation():
     runtime.start()
     lattice, big = disk(60, height=0.03), disk(13_000)
     cache = KernelCache()

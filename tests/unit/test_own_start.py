@@ -77,10 +77,16 @@ def test_stored_triangles_are_turned_counter_clockwise(tmp_path):
     [
         ({"unloaded": DISK.positions * 1e-6}, "the points extend over"),
         ({"unloaded": DISK.positions + [50.0, 0.0]}, "mean lies at x = 5"),
-        ({"unloaded": changed(DISK.positions, 5, DISK.positions[6])}, "5 and 6 are the"),
+        (
+            {"unloaded": changed(DISK.positions, 5, DISK.positions[6])},
+            "5 and 6 are the",
+        ),
         ({"unloaded": DISK.positions[:1]}, "3 to 2000000 points, not 1"),
         ({"unloaded": np.array("a")}, "array of real numbers"),
-        ({"bonds": DISK.bonds.ravel()}, "bonds has the shape (308,), which does not fit"),
+        (
+            {"bonds": DISK.bonds.ravel()},
+            "bonds has the shape (308,), which does not fit",
+        ),
         (
             {"bonds": DISK.bonds[:50], "rest_lengths": DISK.rest_lengths[:50]},
             "stiffness has the shape (154,), which does not fit bonds",
@@ -99,7 +105,7 @@ def test_stored_triangles_are_turned_counter_clockwise(tmp_path):
         ({"triangles": DISK.triangles[:0]}, "there are no triangles"),
         ({"triangles": DISK.triangles[:7]}, "do not form one connected piece"),
     ],
-)  # fmt: skip
+)
 def test_a_stored_lattice_is_checked_as_what_a_user_gives(tmp_path, changes, message):
     path = store(tmp_path / "a.npz", **changes)
     with pytest.raises(InputError) as refusal:

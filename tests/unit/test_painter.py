@@ -181,7 +181,7 @@ def test_the_wall_s_edge_is_where_it_pushes_with_the_largest_force():
     assert edge_height(None, 1.0) == edge_height(wall, 0.0) == 0.0
 
 
-def test_arrows_that_would_touch_become_one_with_the_mean_force_and_weak_ones_are_left_out():
+def test_arrows_that_would_touch_become_their_mean_and_weak_ones_are_left_out():
     default_painter = painter()
     lowest, forces = (
         np.argsort(default_painter.lattice.positions[:, 1])[:4],
@@ -231,7 +231,7 @@ def test_the_head_of_a_short_arrow_is_in_proportion_and_never_longer_than_the_ar
 # ---- displacements shown larger
 
 
-def test_a_rigid_motion_stays_where_it_is_and_a_strain_is_drawn_so_many_times_as_large():
+def test_a_rigid_motion_stays_where_it_is_and_a_strain_is_magnified():
     magnified_painter = painter(magnify=20.0)
     rest = magnified_painter.lattice.positions
     rest_at = rest.mean(axis=0)

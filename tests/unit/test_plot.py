@@ -51,7 +51,7 @@ def figures(monkeypatch):
     return made
 
 
-def test_an_impact_shows_velocity_force_energies_and_imbalance_with_the_same_bytes_twice(
+def test_an_impact_shows_velocity_force_and_energies_with_the_same_bytes_twice(
     impact, tmp_path, figures
 ):
     scenario, columns = impact
@@ -107,7 +107,7 @@ def test_an_impact_shows_velocity_force_energies_and_imbalance_with_the_same_byt
     assert "[R/c]" in balance.get_xlabel()
 
 
-def test_a_loading_shows_the_load_against_the_compression_with_the_paper_s_law_and_the_energy_stored(
+def test_a_loading_shows_load_and_energy_against_the_compression_and_the_law(
     kernels, tmp_path, figures
 ):
     scenario, outcome = computed(
@@ -151,7 +151,7 @@ def test_no_law_is_drawn_for_custom_points_whose_moduli_are_unknown(
     ] == ["equilibria"]
 
 
-def test_plots_drawn_by_threads_beside_other_styles_and_by_another_process_have_the_same_bytes(
+def test_plots_by_threads_with_other_styles_and_by_another_process_have_the_same_bytes(
     impact, tmp_path, monkeypatch
 ):
     # This includes a user whose settings need LaTeX, or make a plot of 36 MB.

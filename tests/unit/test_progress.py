@@ -45,7 +45,7 @@ def test_a_stage_that_ends_early_is_shown_as_complete_and_the_cursor_comes_back(
     assert stream.getvalue().rfind(shown) > stream.getvalue().rfind(hidden) >= 0
 
 
-def test_a_remaining_time_that_counts_to_the_time_limit_says_so_and_that_of_counted_work_does_not():
+def test_a_remaining_time_says_whether_it_counts_to_the_time_limit():
     for total, limited in ((1000.0, True), (24, False)):
         stream = Terminal()
         with terminal(stream) as progress:

@@ -170,7 +170,7 @@ def test_a_run_s_folder_with_a_person_s_file_is_left_as_it_is(tmp_path, name):
     assert content(out) == before
 
 
-def test_a_folder_that_cannot_be_renamed_is_refused_with_advice_and_an_empty_one_is_taken(
+def test_a_folder_that_cannot_be_renamed_is_refused_and_an_empty_one_is_taken(
     tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
@@ -350,7 +350,7 @@ with run_folder(sys.argv[1], sys.argv[2], True, True) as folder:
 @pytest.mark.parametrize(
     ("scene", "moves"), [(SCENE, 0), (SCENE, 1), (SCENE, 2), (OTHER, 0), (OTHER, 1)]
 )
-def test_a_run_that_is_killed_leaves_the_old_or_the_new_one_whole_and_the_next_puts_it_right(
+def test_a_killed_run_leaves_the_old_or_the_new_one_whole_and_the_next_puts_it_right(
     tmp_path, scene, moves
 ):
     out = compute(tmp_path / "run", mark="old")

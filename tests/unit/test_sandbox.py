@@ -375,7 +375,7 @@ def test_another_wall_begins_anew_with_its_own_rows(kernels: KernelCache) -> Non
     )
 
 
-def test_the_velocity_counts_at_once_before_the_start_and_from_the_next_hit_on_afterwards(
+def test_the_velocity_counts_at_once_before_the_start_and_later_from_the_next_hit(
     kernels: KernelCache,
 ) -> None:
     sandbox = opened(kernels)

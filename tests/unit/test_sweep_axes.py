@@ -118,24 +118,79 @@ def test_an_override_sets_the_axis_in_every_section() -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("sweep: {eta_sta: [1]}", "2:9: sweep.eta_sta: no key of scene: exponential_wall that can be swept; did you mean eta_star?"),
-        ("sweep: {colour: [strain]}", "2:9: sweep.colour: no key of scene: exponential_wall that can be swept"),
-        *((f"sweep: {{seed: {values}}}", f"2:15: sweep.seed: must be {FORMS}, not {values}") for values in ("3", "lin")),
+        (
+            "sweep: {eta_sta: [1]}",
+            (
+                "2:9: sweep.eta_sta: no key of scene: exponential_wall that can be "
+                "swept; did you mean eta_star?"
+            ),
+        ),
+        (
+            "sweep: {colour: [strain]}",
+            ("2:9: sweep.colour: no key of scene: exponential_wall that can be swept"),
+        ),
         *(
-            (f"sweep: {{velocity: {values}}}", f"2:19: sweep.velocity: must be {FORMS}, not {values}")
-            for values in ("{'range': 0}", "{'lin': [1, 3]}", "{'lin': [1, 3, 1.5]}", "{'geom': [0, 1, 3]}", "{'log': [1, 2, 3]}")
+            (
+                f"sweep: {{seed: {values}}}",
+                f"2:15: sweep.seed: must be {FORMS}, not {values}",
+            )
+            for values in ("3", "lin")
+        ),
+        *(
+            (
+                f"sweep: {{velocity: {values}}}",
+                f"2:19: sweep.velocity: must be {FORMS}, not {values}",
+            )
+            for values in (
+                "{'range': 0}",
+                "{'lin': [1, 3]}",
+                "{'lin': [1, 3, 1.5]}",
+                "{'geom': [0, 1, 3]}",
+                "{'log': [1, 2, 3]}",
+            )
         ),
         ("sweep: {seed: []}", f"2:15: sweep.seed: must be {FORMS}, not an empty list"),
-        ("sweep: {seed: {range: 100001}}", f"2:15: sweep.seed: must be {FORMS}, not {{'range': 100001}}"),
-        ("sweep: {points: {lin: [3, .inf, 3]}}", f"2:17: sweep.points: must be {FORMS}, not {{'lin': [3, inf, 3]}}"),
+        (
+            "sweep: {seed: {range: 100001}}",
+            f"2:15: sweep.seed: must be {FORMS}, not {{'range': 100001}}",
+        ),
+        (
+            "sweep: {points: {lin: [3, .inf, 3]}}",
+            f"2:17: sweep.points: must be {FORMS}, not {{'lin': [3, inf, 3]}}",
+        ),
         ("sweep: {}", "2:8: sweep: must be lines of key: values, not an empty mapping"),
-        ("sweep: {seed: [0, [1]]}", "2:19: lattice.seed: must be a whole number from 0 to 4294967295, not a list (seed of the random points; the same seed gives the same lattice)"),
-        ("lattice: {seed: 1}\nsweep: {seed: [0]}", "3:9: sweep.seed: lattice.seed is also given by the scene: leave one of the two out"),
-        ("sweep: {seed: [0], lattice.seed: [1]}", "2:20: sweep.lattice.seed: lattice.seed is also given by seed: leave one of the two out"),
-        ("lattice: {file: own.csv}\nsweep: {seed: [0, 1]}", "3:16: sweep.seed: has no effect with lattice.file: leave it out"),
-        ("sweep: {seed: {range: 400}, eta_star: {lin: [1, 2, 400]}}", "2:1: sweep: 160000 combinations: at most 100000"),
+        (
+            "sweep: {seed: [0, [1]]}",
+            (
+                "2:19: lattice.seed: must be a whole number from 0 to 4294967295, "
+                "not a list (seed of the random points; the same seed gives the same "
+                "lattice)"
+            ),
+        ),
+        (
+            "lattice: {seed: 1}\nsweep: {seed: [0]}",
+            (
+                "3:9: sweep.seed: lattice.seed is also given by the scene: leave one "
+                "of the two out"
+            ),
+        ),
+        (
+            "sweep: {seed: [0], lattice.seed: [1]}",
+            (
+                "2:20: sweep.lattice.seed: lattice.seed is also given by seed: leave "
+                "one of the two out"
+            ),
+        ),
+        (
+            "lattice: {file: own.csv}\nsweep: {seed: [0, 1]}",
+            "3:16: sweep.seed: has no effect with lattice.file: leave it out",
+        ),
+        (
+            "sweep: {seed: {range: 400}, eta_star: {lin: [1, 2, 400]}}",
+            "2:1: sweep: 160000 combinations: at most 100000",
+        ),
     ],
-)  # fmt: skip
+)
 def test_each_fault_is_reported_with_its_place(text: str, expected: str) -> None:
     assert faults(text) == [expected]
 

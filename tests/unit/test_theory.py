@@ -114,9 +114,7 @@ def test_eq_5_fitted_to_eq_4_has_a_d1_below_1(
     )
 
 
-def test_eq_5_has_no_value_beyond_its_root_and_eq_4_no_impact_that_crushes_the_disk() -> (
-    None
-):
+def test_eq_5_has_no_value_beyond_its_root_and_eq_4_none_for_a_crushed_disk() -> None:
     assert theory.paper_restitution(5e-2, 1.0, 3.0) == 0.0
     assert theory.paper_restitution(1e-2, 0.9, 0.3) == pytest.approx(
         0.9 * math.sqrt(1 - 0.3 / math.sqrt(math.log(400)))

@@ -50,7 +50,7 @@ def test_dashpots_send_back_the_amplitude_of_theory(
 
 
 @LONG
-def test_the_continuum_at_finite_strain_tends_to_the_exact_law_and_exceeds_it_by_2_percent_at_most() -> (
+def test_the_continuum_at_finite_strain_tends_to_the_exact_law_within_2_percent() -> (
     None
 ):
     finite = experiment("finite_strain")
