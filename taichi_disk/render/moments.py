@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import repeat
 from typing import Any
@@ -80,16 +81,15 @@ def time_of(moment: Any, columns: dict[str, Array]) -> float:
     or an unknown word."""
     last = float(columns["t"][-1])
     force = columns["wall_force"]
-    if moment == "greatest":
-        return greatest_compression(columns)
-    if moment == "contact":
-        return float(columns["t"][int((force >= CONTACT_LEVEL * force.max()).argmax())])
-    if moment == "end":
-        return last
-    try:
-        t = float(moment)
-    except (TypeError, ValueError):
-        t = np.nan
+    contact = (force >= CONTACT_LEVEL * force.max()).argmax()
+    named = {
+        "greatest": greatest_compression(columns),
+        "contact": columns["t"][contact],
+        "end": last,
+    }
+    t = np.nan
+    with suppress(TypeError, ValueError):
+        t = float(named.get(moment, moment))
     if not 0.0 <= t <= last * (1.0 + 1e-12):
         raise InputError(
             f"no moment {moment}: write {', '.join(MOMENTS)}, or a time within the run,"

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, islice
 
 import numpy as np
 
@@ -182,7 +182,7 @@ class Recording:
         if self._is_twice:
             times = before = sampled
         replay = self._flight.frames(times)
-        moments = [moment for _, moment in zip(before, replay, strict=False)]
+        moments = list(islice(replay, len(before)))
         self._rest = zip(times, chain(moments, replay), strict=True)
         return [
             State(float(t), x, v)
