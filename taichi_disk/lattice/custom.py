@@ -57,8 +57,8 @@ def check_body(x: Array, max_offset: float = MAX_OFFSET) -> None:
     if not _MIN_EXTENT <= max(width, height) <= MAX_EXTENT:
         raise InputError(
             f"the points extend over {width:.4g} x {height:.4g} R: the larger must be"
-            f" between {_MIN_EXTENT:g} and {MAX_EXTENT:g} R (lengths are in units of the"
-            " disk's radius R)"
+            f" between {_MIN_EXTENT:g} and {MAX_EXTENT:g} R (lengths are in units of"
+            " the disk's radius R)"
         )
     middle = x[:, 0].mean()
     if abs(middle) > max_offset:
