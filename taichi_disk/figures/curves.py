@@ -348,18 +348,18 @@ def _compression(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None
     fit = first.fits["eq2"]
     b = fit.values["b"]
     printed = paper["b"]
-    style = "-"
-    text = f"eq. (2), b = {b:.3f} fitted"
+    fitted_style = "-"
+    fitted = f"eq. (2), b = {b:.3f} fitted"
     if not fit.holds:
-        style = LONG_DASHES
-        text = "eq. (2), which fails"
-    ax.plot(
-        paper_compression(P, E, nu, b), force, linestyle=style, color=SUM, label=text
-    )
-    text = f"eq. (2), b = {printed} (paper)"
-    ax.plot(paper_compression(P, E, nu, printed), force, ":", color=SUM, label=text)
-    text = "exact law, rigid wall"
-    ax.plot(exact_compression(P, E, nu), force, "--", color=SUM, label=text)
+        fitted_style = LONG_DASHES
+        fitted = "eq. (2), which fails"
+    lines = [
+        (paper_compression(P, E, nu, b), fitted_style, fitted),
+        (paper_compression(P, E, nu, printed), ":", f"eq. (2), b = {printed} (paper)"),
+        (exact_compression(P, E, nu), "--", "exact law, rigid wall"),
+    ]
+    for xi, style, text in lines:
+        ax.plot(xi, force, linestyle=style, color=SUM, label=text)
 
 
 def _impact(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None:

@@ -55,10 +55,10 @@ def check_body(x: Array, max_offset: float = MAX_OFFSET) -> None:
     n = len(x)
     width, height = np.ptp(x, axis=0)
     if not _MIN_EXTENT <= max(width, height) <= MAX_EXTENT:
-        size = f"the points extend over {width:.4g} x {height:.4g} R"
-        limits = f"the larger must be between {_MIN_EXTENT:g} and {MAX_EXTENT:g} R"
         raise InputError(
-            f"{size}: {limits} (lengths are in units of the disk's radius R)"
+            f"the points extend over {width:.4g} x {height:.4g} R: the larger must be"
+            f" between {_MIN_EXTENT:g} and {MAX_EXTENT:g} R (lengths are in units of"
+            " the disk's radius R)"
         )
     middle = x[:, 0].mean()
     if abs(middle) > max_offset:
