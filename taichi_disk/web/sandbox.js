@@ -256,6 +256,7 @@ export class Sandbox {
     else if (kind === "graphs") this.showGraphs(message);
     else if (kind === "panel") this.showPanel(message);
     else if (kind === "yaml") this.scene = message.text;
+    else if (kind === "film") download(message.page, "disk.html", "text/html");
   }
 
   showRole(message) {
