@@ -5,7 +5,8 @@ import { element } from "./html.js";
 const DEGREE = 180 / Math.PI;
 export const digits = (value, count = 6) => String(Number(value.toPrecision(count)));
 
-// A slider, logarithmic unless its range begins at 0 or below; `set` is called with the key and the value.
+// A slider, logarithmic unless its range begins at 0 or below; `set` is called with the key and the
+// value.
 class Slider {
   constructor(key, set) {
     const number = { type: "text", inputMode: "decimal" };
@@ -30,7 +31,8 @@ class Slider {
     };
     this.range.oninput = () => this.spec.live && lead();
     this.range.onchange = lead;
-    this.node.oninput = ({ target }) => (this.edited = target); // what is being typed is not written over
+    // What is being typed is not written over.
+    this.node.oninput = ({ target }) => (this.edited = target);
     this.node.onfocusout = () => (this.edited = null);
     for (const field of fields) {
       field.onchange = () => {

@@ -1,8 +1,9 @@
-// Draws a disk in one state on a canvas of any size. `drawing.py` makes the scene's message; a state is
-//   {t, x: Float32Array(2n) [R], values: Float32Array(n, or one for each spring), limit, row: {com_x, com_y, …},
-//    forces: Float32Array(3k) with point, fx, fy [Mc²/R], fullForce, path: [[x, y], …] or nothing}.
-// `limit` is the value of full colour (for fringes: the stress difference of one fringe), and `fullForce` is the force
-// of an arrow of the length ARROW.
+// Draws a disk in one state on a canvas of any size. `drawing.py` makes the scene's message; a state
+// is {t, x: Float32Array(2n) [R], values: Float32Array(n, or one for each spring), limit,
+// row: {com_x, com_y, …}, forces: Float32Array(3k) with point, fx, fy [Mc²/R], fullForce,
+// path: [[x, y], …] or nothing}.
+// `limit` is the value of full colour (for fringes: the stress difference of one fringe), and
+// `fullForce` is the force of an arrow of the length ARROW.
 // Without `path` the drawing remembers where the centre of mass was since `setScene`.
 
 import { Field } from "./field.js";
@@ -10,10 +11,12 @@ import { ARROW, arrow, drawLegend, footer, label, line } from "./legend.js";
 
 const LONGEST_ARROW = 0.9; // length of the velocity's arrow at most [R], ...
 const FASTEST = 0.1; // ... reached at this speed [c]; shorter ones go by its square root
-const VISIBLE_WALL = 40; // least height of a rigid wall that is always seen, with room for a line of text [px]
+// least height of a rigid wall that is always seen, with room for a line of text [px]
+const VISIBLE_WALL = 40;
 const ARROW_DISTANCE = 7; // approximate distance of two arrows [px]
 const FINEST = 2; // pixels of the disk in a CSS pixel; more cost time and can hardly be seen
-const INDICES = ["triangles", "springs", "outline", "edges", "wall_surface"]; // of the scene's message
+// arrays of the scene's message
+const INDICES = ["triangles", "springs", "outline", "edges", "wall_surface"];
 
 export const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
 export const decoded = (text, Kind) => new Kind(bytes(text).buffer);
@@ -49,7 +52,9 @@ export class Drawing {
   constructor(canvas) {
     this.canvas = canvas;
     this.context = canvas.getContext("2d");
-    this.options = { letters: 1 }; // draw, quantity, theme, magnify, outline, path, forces, follow, and arrow: a velocity [c]; letters: their size
+    // draw, quantity, theme, magnify, outline, path, forces, follow, and arrow: a velocity [c];
+    // letters: their size
+    this.options = { letters: 1 };
     this.camera = { x: 0, y: 1, scale: 100, home: true };
   }
 
@@ -61,7 +66,8 @@ export class Drawing {
       Object.entries(message.maps).map(([name, map]) => [name, bytes(map)]),
     );
     this.set(message.options);
-    this.spacing = Math.sqrt(3.63 / message.disk_points); // of a triangular lattice that fills the disk [R]
+    // of a triangular lattice that fills the disk [R]
+    this.spacing = Math.sqrt(3.63 / message.disk_points);
     this.field = this.state = null;
     this.track = [];
     this.camera.home = true;
@@ -86,7 +92,8 @@ export class Drawing {
     const width = this.width - 2 * margin;
     const height = this.height - this.footer - margin - below;
     const scale = Math.max(Math.min(width / (right - left), height / (top - bottom)), 1);
-    const spare = Math.max(height / scale - (top - bottom), 0); // free height, of which a quarter lies below
+    // free height, of which a quarter lies below
+    const spare = Math.max(height / scale - (top - bottom), 0);
     const y = (top + bottom + spare / 2 - (below - margin) / scale) / 2;
     this.camera = { x: (left + right) / 2, y, scale, home: true };
   }
@@ -288,7 +295,8 @@ export class Drawing {
     return picture;
   }
 
-  // Return what the field draws: triangles, with faint springs on them if these are long enough, or springs, or points.
+  // Return what the field draws: triangles, with faint springs on them if these are long enough, or
+  // springs, or points.
   marks(ratio) {
     const apart = this.spacing * this.camera.scale;
     const { draw, quantity } = this.options;
@@ -301,7 +309,8 @@ export class Drawing {
     return ink ? [{ mark: 0 }, { mark: 1, radius: 0.75 * ratio, ink }] : [{ mark: 0 }];
   }
 
-  // Return the undeformed disk at the place, height and angle of the disk at `x`. Points of the wall stay.
+  // Return the undeformed disk at the place, height and angle of the disk at `x`. Points of the wall
+  // stay.
   unmoved(x) {
     const { rest, disk_points: count } = this.scene;
     const out = x.slice();
@@ -358,7 +367,8 @@ export class Drawing {
     ctx.shadowBlur = 0;
   }
 
-  // Draw an arrow for each point on which the wall acts, or for some of the points if they are too close.
+  // Draw an arrow for each point on which the wall acts, or for some of the points if they are too
+  // close.
   drawForces({ forces, fullForce }, x, theme) {
     const every = Math.ceil(ARROW_DISTANCE / (this.spacing * this.camera.scale));
     const length = ARROW / fullForce;

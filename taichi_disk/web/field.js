@@ -64,14 +64,15 @@ export class Field {
 
   fillTriangles() {
     const { places, triangles } = this;
+    const isLower = (one, other) => places[2 * one + 1] > places[2 * other + 1];
     for (let k = 0; k < triangles.length; k += 3) {
       // The corners from top to bottom: neighbours then find the same pixels on a common side.
       let top = triangles[k];
       let middle = triangles[k + 1];
       let bottom = triangles[k + 2];
-      if (places[2 * top + 1] > places[2 * middle + 1]) [top, middle] = [middle, top];
-      if (places[2 * middle + 1] > places[2 * bottom + 1]) [middle, bottom] = [bottom, middle];
-      if (places[2 * top + 1] > places[2 * middle + 1]) [top, middle] = [middle, top];
+      if (isLower(top, middle)) [top, middle] = [middle, top];
+      if (isLower(middle, bottom)) [middle, bottom] = [bottom, middle];
+      if (isLower(top, middle)) [top, middle] = [middle, top];
       this.fillTriangle(top, middle, bottom);
     }
   }

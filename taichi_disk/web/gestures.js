@@ -1,11 +1,13 @@
-// Mouse, wheel and fingers on a disk: they move and zoom the picture, and take hold of things in a sandbox.
+// Mouse, wheel and fingers on a disk: they move and zoom the picture, and take hold of things in a
+// sandbox.
 
 import { arrowLength, arrowSpeed } from "./draw.js";
 
 const AIM_SCALE = 0.05; // velocity for which the program takes an aim as long as R [c/R]
 const REACH = 24; // largest distance from the velocity's tip at which a press grasps it [px]
 
-// `view` has `pan` and `zoom`. `grip` returns what one finger or the main button holds: {move, end}, or nothing.
+// `view` has `pan` and `zoom`. `grip` returns what one finger or the main button holds:
+// {move, end}, or nothing.
 export function followPointers(canvas, view, redraw, grip = () => null) {
   const pointers = new Map();
   const place = (event) => [event.offsetX, event.offsetY];

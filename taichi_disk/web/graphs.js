@@ -35,8 +35,8 @@ export function frame(plot, contents, below, ...scales) {
   plot.style.setProperty("--rule-top", `${100 - height(scales[0], middle(scales[0]))}%`);
 }
 
-// Return heights [px] near the wanted ones at which names do not overlap, in a plot so high; `apart`:
-// height of a name.
+// Return heights [px] near the wanted ones at which names do not overlap, in a plot so high;
+// `apart`: height of a name.
 function spread(wanted, height, apart) {
   const order = wanted.map((_, k) => k).sort((a, b) => wanted[a] - wanted[b]);
   const places = [];

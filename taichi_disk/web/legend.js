@@ -1,4 +1,5 @@
-// Draws what stands below the disk: the colour scale, a length, and the arrow of a force. Also numbers, lines, arrows.
+// Draws what stands below the disk: the colour scale, a length, and the arrow of a force. Also
+// numbers, lines and arrows.
 
 export const FONT = "12px system-ui, sans-serif";
 export const ARROW = 0.35; // length of the arrow of the full force [R]
@@ -27,6 +28,7 @@ export function roundAbove(value) {
   return decade * [1, 1.5, 2, 3, 5, 7, 10].find((step) => step >= (value / decade) * (1 - 1e-9));
 }
 
+// Draw a line through points [px]: lists of two numbers.
 export function line(ctx, points, colour, thickness, dash = []) {
   ctx.beginPath();
   for (const point of points) ctx.lineTo(...point);
@@ -36,52 +38,36 @@ export function line(ctx, points, colour, thickness, dash = []) {
 }
 
 // Draw an arrow between two points [px], with a rim that sets it off against the disk.
-export function arrow(ctx, [x0, y0], [x1, y1], thickness, colour, rim) {
-  const length = Math.hypot(x1 - x0, y1 - y0),
-    wing = Math.min(4 * thickness, 0.4 * length) / length;
+export function arrow(ctx, foot, tip, thickness, colour, rim) {
+  const dx = tip[0] - foot[0];
+  const dy = tip[1] - foot[1];
+  const length = Math.hypot(dx, dy);
   if (length < 2 * thickness + 4) return;
-  const end = (side) => [
-    x1 - wing * (x1 - x0 + side * (y1 - y0)),
-    y1 - wing * (y1 - y0 - side * (x1 - x0)),
-  ];
-  for (const [ink, wide] of [
-    [rim, thickness + 2],
-    [colour, thickness],
-  ]) {
-    line(
-      ctx,
-      [
-        [x0, y0],
-        [x1, y1],
-      ],
-      ink,
-      wide,
-    );
-    line(ctx, [end(0.6), [x1, y1], end(-0.6)], ink, wide);
-    ctx.fillStyle = ink;
-    ctx.fill();
-  }
+  const wing = Math.min(4 * thickness, 0.4 * length) / length;
+  const end = (side) => [tip[0] - wing * (dx + side * dy), tip[1] - wing * (dy - side * dx)];
+  const head = [end(0.6), tip, end(-0.6)];
+  drawArrow(ctx, [foot, tip], head, rim, thickness + 2);
+  drawArrow(ctx, [foot, tip], head, colour, thickness);
 }
 
-// Return where things stand below the disk, for a picture of this size [px]: the height of all; above
-// the lower edge the colour scale, its numbers, its name, and the row of length and force; and the
-// width beside the colour scale.
+function drawArrow(ctx, shaft, head, ink, thickness) {
+  line(ctx, shaft, ink, thickness);
+  line(ctx, head, ink, thickness);
+  ctx.fillStyle = ink;
+  ctx.fill();
+}
+
+// Return where things stand below the disk, for a picture of this size [px]: the height of all;
+// above the lower edge the colour scale, its numbers, its name, and the row of length and force;
+// and the width beside the colour scale.
 function layout(width, height) {
-  const keys = { hasKeys: true };
-  if (width >= 720)
-    return { height: 66, bar: 52, numbers: 28, name: 10, row: 47, beside: 380, ...keys };
-  const isLow = height < 330 || (height < 400 && width > 460);
-  if (!isLow) return { height: 94, bar: 52, numbers: 28, name: 10, row: 80, beside: 64, ...keys };
-  const hasKeys = width > 460;
-  return {
-    height: 62,
-    bar: 56,
-    numbers: 32,
-    name: 10,
-    row: 51,
-    beside: hasKeys ? 380 : 64,
-    hasKeys,
-  };
+  const isWide = width > 460;
+  const isLow = height < 330 || (height < 400 && isWide);
+  const high = { bar: 52, numbers: 28, name: 10, hasKeys: true };
+  const low = { height: 62, bar: 56, numbers: 32, name: 10, row: 51 };
+  if (width >= 720) return { ...high, height: 66, row: 47, beside: 380 };
+  if (!isLow) return { ...high, height: 94, row: 80, beside: 64 };
+  return { ...low, beside: isWide ? 380 : 64, hasKeys: isWide };
 }
 
 export const footer = (width, height) => layout(width, height).height;
@@ -108,18 +94,9 @@ function drawKeys(ctx, { width, theme, scale, force }, row) {
   const right = width - 16;
   const length = roundBelow((0.2 * longest) / scale);
   const start = right - length * scale;
-  const rule = (x, y, endX, endY) =>
-    line(
-      ctx,
-      [
-        [x, y],
-        [endX, endY],
-      ],
-      theme.ink,
-      1.6,
-    );
-  rule(start, row, right, row);
-  for (const end of [start, right]) rule(end, row - 4, end, row + 4);
+  const rule = (from, to) => line(ctx, [from, to], theme.ink, 1.6);
+  rule([start, row], [right, row]);
+  for (const end of [start, right]) rule([end, row - 4], [end, row + 4]);
   const text = length === 1 ? "R" : `${label(length)} R`;
   write(ctx, text, start - 8, row + 4, { textAlign: "right", theme });
   if (!force) return;
@@ -149,15 +126,9 @@ function drawColours(ctx, { width, height, theme, quantity, limit, colours }, pl
   for (let k = quantity.signed ? -count : 0; k <= count; k++) {
     const part = k / count;
     const x = left + wide * (quantity.signed ? (1 + part) / 2 : part);
-    line(
-      ctx,
-      [
-        [x, bar + 10],
-        [x, bar + 14],
-      ],
-      theme.faint,
-      1,
-    );
+    const top = [x, bar + 10];
+    const bottom = [x, bar + 14];
+    line(ctx, [top, bottom], theme.faint, 1);
     const bounds = { [-1]: "≤ ", 1: "≥ " };
     const number = label(percent * part * limit, quantity.signed);
     const text = (bounds[part] ?? "") + number + (percent > 1 ? " %" : "");

@@ -1,4 +1,5 @@
-// Unpacks a state, which `Session._state` has packed in Python, for the drawing, the graphs and the read-outs.
+// Unpacks a state, which `Session._state` has packed in Python, for the drawing, the graphs and the
+// read-outs.
 
 export function unpacked(buffer, columns, curves) {
   const view = new DataView(buffer);

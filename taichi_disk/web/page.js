@@ -1,4 +1,5 @@
-// The page that `taichi-disk view` serves: the sandbox over a websocket, which opens again after a sleep.
+// The page that `taichi-disk view` serves: the sandbox over a websocket, which opens again after a
+// sleep.
 
 import { Sandbox } from "./sandbox.js";
 

@@ -19,31 +19,39 @@ const SET_COLUMNS = {
 };
 const SET_COLOURS = ["#00806a", "#c23f00", "#1f6fb5", "#8e5bc0", "#8f6500", "#9c3587", "#5a5d64"];
 
-// Return the results in sets with equal parameters: {label, colour, rows}. A label names what is
-// unusual.
+// Return the results in sets with equal parameters: {label, colour, rows}.
 export function inSets(results) {
+  const names = ["result", ...Object.keys(SET_COLUMNS)];
   const sets = new Map();
   for (const row of results) {
-    const key = ["result", ...Object.keys(SET_COLUMNS)].map((name) => row[name]).join();
+    const key = names.map((name) => row[name]).join();
     if (!sets.has(key)) sets.set(key, []);
     sets.get(key).push(row);
   }
   return [...sets.values()].map((rows, k) => {
-    const words = Object.entries(SET_COLUMNS).map(([name, [text, usual]]) => {
-      const value = rows[0][name];
-      if (value === null || value === usual) return "";
-      return text + (typeof value === "number" ? label(value) : `${value} wall`);
-    });
-    const colour = SET_COLOURS[k % SET_COLOURS.length];
-    return { label: words.filter(Boolean).join(", "), colour, rows };
+    return { label: labelOf(rows[0]), colour: SET_COLOURS[k % SET_COLOURS.length], rows };
   });
 }
 
-// Fit eq. (5), e = d1 √(1 − d2/√ln(4c/v)): a straight line of e² over s = 1/√ln(4c/v), with weights
-// that make it the fit to e.
+// Return the parameters of a result that are unusual, in words.
+function labelOf(row) {
+  const words = [];
+  for (const [name, [text, usual]] of Object.entries(SET_COLUMNS)) {
+    const value = row[name];
+    if (value === null || value === usual) continue;
+    words.push(text + (typeof value === "number" ? label(value) : `${value} wall`));
+  }
+  return words.join(", ");
+}
+
+// Return s = 1/√ln(4c/v), in which e² is linear by eq. (5).
+const slowness = (v) => 1 / Math.sqrt(Math.log(4 / v));
+
+// Fit eq. (5), e = d1 √(1 − d2/√ln(4c/v)): a straight line of e² over s, with weights that make it
+// the fit to e.
 export function fitRestitution(rows) {
   const points = rows.map(({ load, value }) => {
-    return { s: 1 / Math.sqrt(Math.log(4 / load)), square: value ** 2, weight: value ** -2 };
+    return { s: slowness(load), square: value ** 2, weight: value ** -2 };
   });
   const sum = (term) => points.reduce((total, point) => total + point.weight * term(point), 0);
   const all = sum(() => 1);
@@ -53,9 +61,9 @@ export function fitRestitution(rows) {
   const slope = sum(({ s, square }) => (s - meanS) * (square - meanSquare)) / variance;
   const level = meanSquare - slope * meanS;
   if (!(variance > 1e-6 * all) || !(level > 0)) return null;
-  const e = (v) => Math.sqrt(Math.max(level + slope / Math.sqrt(Math.log(4 / v)), 0));
-  const errors = rows.map(({ load, value }) => value - e(load));
-  const rms = Math.sqrt(errors.reduce((total, error) => total + error ** 2, 0) / rows.length);
+  const e = (v) => Math.sqrt(Math.max(level + slope * slowness(v), 0));
+  const squares = rows.map(({ load, value }) => (value - e(load)) ** 2);
+  const rms = Math.sqrt(squares.reduce((total, one) => total + one, 0) / rows.length);
   return { d1: Math.sqrt(level), d2: -slope / level, rms, e };
 }
 
@@ -66,60 +74,103 @@ function polyline(points, colour, dash) {
   return curve;
 }
 
-// Results over the speed or load, on a logarithmic axis, a colour for each set; those that the user
-// disturbed are hollow. The axes hold the range of the slider: a result beyond it is an arrow at the
-// edge. `fitted`: whether to draw eq. (5) for every set of at least three impacts.
+const clipped = (part) => Math.min(Math.max(part, 0), 1);
+
+// The axes of the diagram: loads on a logarithmic scale, as far as the slider goes, and the values
+// of the results in that range.
+class Axes {
+  constructor(results, range) {
+    [this.least, this.most] = range;
+    this.first = this.least / 1.2;
+    this.last = this.most * 1.2;
+    const values = results.filter((row) => this.contains(row)).map(({ value }) => value);
+    this.low = 0;
+    this.high = roundAbove(Math.max(...values, 1e-4));
+    if (results.at(-1).result === "e") {
+      const lowest = Math.min(...values, 1);
+      this.low = Math.max(Math.floor(10 * lowest - 0.2) / 10, 0);
+      this.high = Math.max(1, ...values);
+    }
+  }
+
+  contains({ load }) {
+    return load >= this.first && load <= this.last;
+  }
+
+  // Return the place of a load, from 0 to 1 in the diagram.
+  across(load) {
+    return Math.log(load / this.first) / Math.log(this.last / this.first);
+  }
+
+  up(value) {
+    return (value - this.low) / (this.high - this.low);
+  }
+
+  // Return the curve of a function of the load.
+  curve(value) {
+    const loads = Array.from({ length: 41 }, (_, k) => {
+      return this.least * (this.most / this.least) ** (k / 40);
+    });
+    return loads.map((load) => [this.across(load), clipped(this.up(value(load)))]);
+  }
+
+  // Return the loads of the scale with their places: powers of ten.
+  get decades() {
+    const decades = [1e-4, 1e-3, 1e-2, 0.1, 1].filter((load) => this.contains({ load }));
+    return decades.map((load) => [this.across(load), label(load)]);
+  }
+}
+
+// Return the mark of a result: a dot, hollow if the user disturbed it, or an arrow at the edge.
+function markOf(row, colour, axes) {
+  const height = axes.up(row.value);
+  const x = clipped(axes.across(row.load));
+  const y = clipped(height);
+  const style = `left: ${100 * x}%; bottom: ${100 * y}%; --curve: ${colour}`;
+  const title = `${row.result} = ${label(row.value)} at ${label(row.load)}`;
+  const properties = { style, title, className: row.disturbance ? "hollow" : "" };
+  if (row.load > axes.last) return element("u", properties, "▸");
+  if (row.load < axes.first) return element("u", properties, "◂");
+  if (y !== height) return element("u", properties, "▾");
+  return element("b", properties);
+}
+
+function setName(text, fit) {
+  const name = text || "the usual disk";
+  if (!fit) return name;
+  const d1 = fit.d1.toFixed(3);
+  const d2 = fit.d2.toFixed(3);
+  const rms = label(Number(fit.rms.toPrecision(2)));
+  return `${name}; eq. (5): d₁ = ${d1}, d₂ = ${d2}, rms ${rms}`;
+}
+
+// Results over the speed or load, a colour for each set. The axes hold the range of the slider: a
+// result beyond it is an arrow at the edge. `fitted`: whether to draw eq. (5) for every set of at
+// least three impacts.
 export function showDiagram(plot, caption, results, { title, range, fitted }) {
   caption.replaceChildren(title);
   if (!results.length) return plot.replaceChildren();
   const kind = results.at(-1).result;
-  const [least, most] = range;
-  const first = least / 1.2;
-  const last = most * 1.2;
-  const isInside = ({ load }) => load >= first && load <= last;
   const shown = results.filter((row) => row.result === kind);
-  const values = shown.filter(isInside).map(({ value }) => value);
-  const isRatio = kind === "e";
-  const lowest = Math.min(...values, isRatio ? 1 : 0);
-  const low = isRatio ? Math.max(Math.floor(10 * lowest - 0.2) / 10, 0) : 0;
-  const high = isRatio ? Math.max(1, ...values) : roundAbove(Math.max(...values, 1e-4));
-  const part = (load) => Math.log(load / first) / Math.log(last / first);
-  const height = (value) => (value - low) / (high - low);
-  const clipped = (value) => Math.min(Math.max(value, 0), 1);
+  const axes = new Axes(shown, range);
   const curves = document.createElementNS(SVG, "svg");
   curves.setAttribute("viewBox", "0 0 100 100");
   curves.setAttribute("preserveAspectRatio", "none");
-  const dots = [];
+  const marks = [];
   for (const { label: text, colour, rows } of inSets(shown)) {
-    const inside = rows.filter(isInside).sort((a, b) => a.load - b.load);
+    const inside = rows.filter((row) => axes.contains(row)).sort((a, b) => a.load - b.load);
     const untouched = inside.filter(({ disturbance }) => !disturbance);
-    const fit = fitted && isRatio && untouched.length > 2 ? fitRestitution(untouched) : null;
-    const place = ({ load, value }) => [part(load), height(value)];
-    if (fit) {
-      const speeds = Array.from({ length: 41 }, (_, k) => least * (most / least) ** (k / 40));
-      const points = speeds.map((load) => [part(load), clipped(height(fit.e(load)))]);
-      curves.append(polyline(points, colour, "5 4"));
-    } else if (untouched.length > 1) curves.append(polyline(untouched.map(place), colour, "none"));
-    const words = [text || "the usual disk"];
-    if (fit) {
-      const [d1, d2] = [fit.d1, fit.d2].map((value) => value.toFixed(3));
-      words.push(`eq. (5): d₁ = ${d1}, d₂ = ${d2}, rms ${label(Number(fit.rms.toPrecision(2)))}`);
+    const isFitted = fitted && kind === "e" && untouched.length > 2;
+    const fit = isFitted ? fitRestitution(untouched) : null;
+    if (fit) curves.append(polyline(axes.curve(fit.e), colour, "5 4"));
+    else {
+      const points = untouched.map(({ load, value }) => [axes.across(load), axes.up(value)]);
+      curves.append(polyline(points, colour, "none"));
     }
-    caption.append(element("span", { style: `--curve: ${colour}` }, words.join("; ")));
-    for (const row of rows) {
-      const x = clipped(part(row.load));
-      const y = clipped(height(row.value));
-      const isMark = !isInside(row) || y !== height(row.value);
-      const style = `left: ${100 * x}%; bottom: ${100 * y}%; --curve: ${colour}`;
-      const words = `${kind} = ${label(row.value)} at ${label(row.load)}`;
-      const shape = isMark ? (row.load > last ? "▸" : row.load < first ? "◂" : "▾") : "";
-      const className = row.disturbance ? "hollow" : "";
-      dots.push(element(isMark ? "u" : "b", { style, title: words, className }, shape));
-    }
+    caption.append(element("span", { style: `--curve: ${colour}` }, setName(text, fit)));
+    for (const row of rows) marks.push(markOf(row, colour, axes));
   }
-  const decades = [1e-4, 1e-3, 1e-2, 0.1, 1].filter((load) => first < load && load < last);
-  const below = decades.map((load) => [part(load), label(load)]);
-  frame(plot, [curves, ...dots], below, { low, high });
+  frame(plot, [curves, ...marks], axes.decades, axes);
 }
 
 // ---- the table
@@ -154,19 +205,18 @@ export function showResults(table, results) {
   if (!results.length) return table.replaceChildren(element("caption", {}, none));
   const keys = Object.keys(COLUMNS).filter((key) => results.some((one) => one[key]));
   const row = (cells) => element("tr", {}, ...cells);
-  const colours = inSets(results).flatMap((set) => set.rows.map((one) => [one, set.colour]));
-  const colourOf = new Map(colours);
+  const colours = new Map();
+  for (const set of inSets(results)) {
+    for (const one of set.rows) colours.set(one, set.colour);
+  }
   const rows = results.map((one, k) => {
     const cells = keys.map((key) => {
       const text = written(key, one[key], one.result);
       return element("td", { title: one[key] ?? "" }, text);
     });
-    cells[0].style = `--curve: ${colourOf.get(one)}`;
-    const remove = element(
-      "button",
-      { ariaLabel: `remove the result ${cells[1].textContent}` },
-      "×",
-    );
+    cells[0].style = `--curve: ${colours.get(one)}`;
+    const name = { ariaLabel: `remove the result ${cells[1].textContent}` };
+    const remove = element("button", name, "×");
     remove.dataset.remove = k;
     return row([...cells, element("td", {}, remove)]);
   });

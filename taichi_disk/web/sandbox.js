@@ -1,4 +1,5 @@
-// The sandbox's page: shows what the program sends, and sends what the user does. It computes no physics.
+// The sandbox's page: shows what the program sends, and sends what the user does. It computes no
+// physics.
 
 import { Controls } from "./controls.js";
 import { Drawing } from "./draw.js";
@@ -32,8 +33,8 @@ const IDLE_TIME = 3000; // after which the projector's controls fade [ms]
 const THEME = "taichi-disk theme"; // name under which the visitor's theme is stored
 const DARK = matchMedia("(prefers-color-scheme: dark)");
 
-// Return the program's name of a key. Letters count by their place on the keyboard if the layout has
-// others, such as Cyrillic or Greek.
+// Return the program's name of a key. Letters count by their place on the keyboard if the layout
+// has others, such as Cyrillic or Greek.
 function keyName(event) {
   if (KEYS[event.key]) return KEYS[event.key];
   const isLatin = /^[ -~]*$/.test(event.key);
@@ -103,7 +104,8 @@ export class Sandbox {
       one.title || one.textContent,
     ]);
     own.forEach((one, k) => (one.title = `${this.shortcuts[k][1]} (${this.shortcuts[k][0]})`));
-    this.showTab(node.clientWidth > 900 ? "graphs" : "experiment"); // on a narrow page one panel is seen at a time
+    // On a narrow page one panel is seen at a time.
+    this.showTab(node.clientWidth > 900 ? "graphs" : "experiment");
     new ResizeObserver(() => this.redraw()).observe(node);
     ui.eq5.onchange = () => this.showResults();
     ui.timeline.oninput = () => this.send({ do: "scrub", t: Number(ui.timeline.value) });
@@ -112,7 +114,8 @@ export class Sandbox {
     document.addEventListener("fullscreenchange", () => {
       if (!document.fullscreenElement) this.project(false);
     });
-    // A state may be lost on its way: after 2 s without one, acknowledge all, so that the program sends again.
+    // A state may be lost on its way: after 2 s without one, acknowledge all, so that the program
+    // sends again.
     setInterval(() => performance.now() - this.arrived > 2000 && this.redraw(NEWEST), 2000);
   }
 
@@ -256,6 +259,7 @@ export class Sandbox {
     else if (kind === "graphs") this.showGraphs(message);
     else if (kind === "panel") this.showPanel(message);
     else if (kind === "yaml") this.scene = message.text;
+    else if (kind === "film") download(message.page, "disk.html", "text/html");
   }
 
   showRole(message) {
@@ -327,7 +331,7 @@ export class Sandbox {
     ui.timeline.value = state.t;
   }
 
-  // Size of the letters of the picture: up to twice as large for a projector, if the legend has room.
+  // Size of the letters: up to twice as large for a projector, if the legend has room.
   get letters() {
     if (!this.node.hasAttribute("data-projector")) return 1;
     const { clientWidth: width, clientHeight: height } = this.ui.disk;

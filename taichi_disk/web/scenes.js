@@ -22,9 +22,14 @@ function sketch(card) {
     ctx.fill();
   } else ctx.fillRect(0, wall, 128, card.hardness > 1000 ? 18 : 10);
   ctx.globalAlpha = 1;
-  const side = { pinned: [ink, 4], dashpot: [accent, 3], reset: [ink, 1] }[card.boundary];
-  if (side) {
-    Object.assign(ctx, { strokeStyle: side[0], lineWidth: side[1] });
+  const pens = {
+    pinned: { strokeStyle: ink, lineWidth: 4 },
+    dashpot: { strokeStyle: accent, lineWidth: 3 },
+    reset: { strokeStyle: ink, lineWidth: 1 },
+  };
+  const pen = pens[card.boundary];
+  if (pen) {
+    Object.assign(ctx, pen);
     ctx.beginPath();
     ctx.arc(64, wall, 55, 0.1, Math.PI - 0.1);
     ctx.stroke();
@@ -34,21 +39,14 @@ function sketch(card) {
   ctx.arc(x, y, 30, 0, 2 * Math.PI);
   ctx.fill();
   ctx.stroke();
-  const mark = -Math.PI / 2 - card.turn;
-  line(
-    ctx,
-    [
-      [x + 28 * Math.cos(mark), y + 28 * Math.sin(mark)],
-      [x, y],
-    ],
-    ink,
-    2,
-  );
+  const angle = -Math.PI / 2 - card.turn;
+  const mark = [x + 28 * Math.cos(angle), y + 28 * Math.sin(angle)];
+  line(ctx, [mark, [x, y]], ink, 2);
   if (card.spin) turnArrow(ctx, x, y, Math.sign(card.spin), accent);
-  const length = isImpact ? 90 * Math.sqrt(card.velocity) + 8 : 140 * Math.sqrt(card.load) + 8;
-  const [dx, dy] = [length * Math.sin(card.angle), length * Math.cos(card.angle)];
-  const from = isImpact ? [x, y] : [x, y - 8 - length];
-  arrow(ctx, from, [from[0] + dx, from[1] + dy], 3, accent, "#fff");
+  const length = 8 + (isImpact ? 90 * Math.sqrt(card.velocity) : 140 * Math.sqrt(card.load));
+  const foot = isImpact ? y : y - 8 - length;
+  const tip = [x + length * Math.sin(card.angle), foot + length * Math.cos(card.angle)];
+  arrow(ctx, [x, foot], tip, 3, accent, "#fff");
   return canvas;
 }
 

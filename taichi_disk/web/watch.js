@@ -1,4 +1,5 @@
-// Visitors who watch: a bar says so and lets them ask to play; a note tells the player, who hands over or does not.
+// Visitors who watch: a bar says so and lets them ask to play; a note tells the player, who hands
+// over or does not.
 
 import { element } from "./html.js";
 
@@ -15,7 +16,8 @@ export class Watch {
     role.after(this.ask, this.hand, this.keep);
   }
 
-  // `plays`: whether this visitor plays; `asks`: whether this visitor has asked to; `asking`: number of those who have.
+  // `plays`: whether this visitor plays; `asks`: whether this visitor has asked to; `asking`: number
+  // of those who have.
   show({ plays, asks, asking }) {
     this.node.toggleAttribute("data-watching", !plays);
     this.role.textContent = plays ? requests(asking) : "You are watching.";

@@ -1,4 +1,5 @@
-// Firefox records WebM films with an empty duration, so players have no time line; Chromium writes the duration itself.
+// Firefox records WebM films with an empty duration, so players have no time line; Chromium writes
+// the duration itself.
 
 const INFO = [0x15, 0x49, 0xa9, 0x66]; // element that describes the film (Matroska, RFC 9559)
 const DURATION = [0x44, 0x89, 0x88]; // a number of 8 bytes in it [ms]

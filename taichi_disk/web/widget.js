@@ -1,4 +1,5 @@
-// The notebook's widget: the sandbox over the messages of anywidget. `PAGE` and `STYLE` are put in front of it.
+// The notebook's widget: the sandbox over the messages of anywidget. `PAGE` and `STYLE` are put in
+// front of it.
 
 export default {
   render({ model, el }) {

@@ -25,6 +25,7 @@ class Visitor:
     Attributes:
         look: how the disk is drawn for this visitor, while somebody else plays.
         asks: whether the visitor has asked to play.
+        awaits_film: whether the visitor has asked for a film and not got it yet.
     """
 
     def __init__(
@@ -32,6 +33,7 @@ class Visitor:
     ) -> None:
         self.look = look
         self.asks = False
+        self.awaits_film = False
         self._send = send
         self._unsent = unsent
         self._in_flight: list[int] = []  # numbers of states
@@ -46,6 +48,11 @@ class Visitor:
     def acknowledge(self, number: float) -> None:
         """Note that the page has drawn the state with this number."""
         self._in_flight = [one for one in self._in_flight if one > number]
+
+    def give_film(self, page: str) -> None:
+        """Send a film to play with, an HTML page."""
+        self.awaits_film = False
+        self._send(json.dumps({"kind": "film", "page": page}))
 
     def show(self, messages: dict[str, Message], number: int) -> bool:
         """Send those of `messages` (by kind) that the page does not have yet; return
@@ -120,6 +127,7 @@ class Audience:
         elif message["do"] in _ANSWERS:
             self._answer(message["do"])
         else:
+            visitor.awaits_film |= message["do"] == "film"
             self.session.hear(message)
         self._news.set()
 
@@ -159,6 +167,7 @@ class Audience:
             if session.is_busy and any(map(self.plays, ready)):
                 with alone():  # another thread may compute
                     session.advance()
+            self._give_films()
             is_sent = False
             for one in ready:
                 is_sent |= one.show(self._messages_for(one), session.number)
@@ -166,6 +175,14 @@ class Audience:
                 await asyncio.sleep(max(0.0, 1.0 / MAX_RATE - (perf_counter() - began)))
             else:
                 await self._news.wait()
+
+    def _give_films(self) -> None:
+        """Send a new film to the visitors who have asked for one."""
+        page = self.session.films.take()
+        if page:
+            for one in self._visitors:
+                if one.awaits_film:
+                    one.give_film(page)
 
     def _messages_for(self, visitor: Visitor) -> dict[str, Message]:
         """Return the present message of each kind, the state as the last one."""

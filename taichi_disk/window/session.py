@@ -30,6 +30,7 @@ from taichi_disk.window.controls import (
     described,
     values_of,
 )
+from taichi_disk.window.films import Films
 from taichi_disk.window.graphs import CURVES, Graphs, Scales
 from taichi_disk.window.look import Look
 from taichi_disk.window.sandbox import Sandbox, load_key, printed, value_of
@@ -46,6 +47,7 @@ _METHODS = {
     "sandbox": "scrub t, turn angle final, aim dx dy, throw, pull x y, release, clear,"
     " remove number",
     "scales": "rescale",
+    "films": "film",
     "audience": "seen number, ask, hand, keep",
 }
 _COMMANDS = {
@@ -54,7 +56,7 @@ _COMMANDS = {
     for do, *values in map(str.split, text.split(", "))
 }
 # commands of which only the latest counts
-_REPLACED = ("set", "speed", "scrub", "turn", "aim", "pull")
+_REPLACED = ("set", "speed", "scrub", "turn", "aim", "pull", "film")
 # points; a larger lattice takes longer to build than a picture may take
 LARGE_LATTICE = 5000
 HEADER = struct.Struct("<IdIIiI2f")  # see `Session._state`
@@ -86,8 +88,8 @@ class Session:
     Vulkan is needed.
 
     Attributes:
-        sandbox, controls, scales: the disk, the user's controls, and the scales of
-            colours and arrows.
+        sandbox, controls, scales, films: the disk, the user's controls, the scales of
+            colours and arrows, and the films that pages save.
         texts: the present JSON message of each kind: "hello", "scene", "graphs", "yaml"
             and "panel".
         number: of the last state.
@@ -102,6 +104,7 @@ class Session:
         self.controls = Controls(self.sandbox, playlist)
         self.scales = Scales(self.sandbox)
         self.graphs = Graphs(self.sandbox)
+        self.films = Films(self.sandbox)
         self.texts: dict[str, str] = {}
         self.state = b""
         self.number = 0
