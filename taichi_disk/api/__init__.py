@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from inspect import signature
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, cast
@@ -18,7 +19,7 @@ from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.computation.driver import State as State
 from taichi_disk.computation.outcome import Outcome
 from taichi_disk.config.tree import Source, as_path
-from taichi_disk.errors import InputError
+from taichi_disk.errors import InputError, did_you_mean, nearest
 from taichi_disk.lattice import Array, Lattice, disk_of, numbers
 from taichi_disk.output import files
 from taichi_disk.output.artist import drawing_process
@@ -561,6 +562,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
     if not isinstance(scene, DiskScene):
         scene = load_scene(scene)
     if changes:
+        _check_arguments(scene, changes)
         scene = scene.with_(changes)
     if lattices is not None and not (
         isinstance(lattices, (int, np.integer)) and 1 <= lattices <= MOST_LATTICES
@@ -595,3 +597,14 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
     # without room for anything there is no folder
     written = folder.out if folder.out.is_dir() else None
     return Result(**vars(outcome), out=written)
+
+
+def _check_arguments(scene: Scene, changes: dict[str, Any]) -> None:
+    """Raise InputError if a name in `changes` is more like an argument of `run` than
+    like a key of the scene."""
+    arguments = {*signature(run).parameters}
+    for name in changes:
+        names = [*scene.sections(), *scene.key_names(), *arguments]
+        if not scene.homes(name) and arguments & {*nearest(name, names)}:
+            hint = did_you_mean(name, arguments)
+            raise InputError(f"{name}: unknown argument of run{hint}")
