@@ -36,7 +36,6 @@ SEEDS = 8
 REFINEMENTS = (4, 16, 64)
 MAX_POINTS = 200_000  # largest disk of a refinement, except for the first
 HARDNESS_FACTORS = (3.0, 10.0)  # factors of wall.a
-VISCOSITY = "material.viscosity"
 SAMPLE = "lattice sample"
 POINTS = "points"
 WALL = "wall hardness"
@@ -126,16 +125,6 @@ class Findings:
         )
         if more:
             advice = f"use more {' and '.join(more)}, not smaller steps"
-            eta = next(
-                (
-                    change.keys[VISCOSITY]
-                    for change in self.sources
-                    if VISCOSITY in change.keys
-                ),
-                None,
-            )
-            if eta and self.steps and "points" in more:
-                advice += f"; {VISCOSITY} = {eta:.4g} keeps the damping the same"
         return f"{self.name}: {', '.join(parts)}: {advice}"
 
 

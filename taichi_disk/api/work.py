@@ -27,6 +27,7 @@ from taichi_disk.output.run_folder import RunFolder
 from taichi_disk.progress import Progress, silent
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import body_of, spectrum_of
+from taichi_disk.simulation.simulation import shared_kernels
 
 FRAMES = 200  # default number of frames of a trajectory
 MOST_FRAMES = 100_000
@@ -94,8 +95,11 @@ class Work:
         scene = self.scene
         if self.own.disk is None:
             options["spectrum_of"] = partial(spectrum_of, scene)
+        kernels = shared_kernels()
+        compiled_before = kernels.compile_seconds
         outcome = compute(scenario, self.progress, **options)
-        self.lap("simulate", compile=outcome.compile_seconds)
+        compiling = kernels.compile_seconds - compiled_before
+        self.lap("simulate", compile=compiling)
         summary = self._heading("done") | outcome.summary | {"video": None}
         count, notes = lattice_count(outcome, lattices)
         if count > 1:

@@ -54,7 +54,6 @@ class Outcome:
     # the same for pictures, which interpolate a quasi-static loading
     frames: Callable[[Array], Iterator[State]]
     summary: dict[str, Any]  # results and how they were computed, for summary.json
-    compile_seconds: float = 0.0  # wall-clock time of compilation [s]
 
 
 def compute(
@@ -85,7 +84,6 @@ def compute(
     if scenario.static:
         return scenario.quasistatic(loads, progress)
     kernels = shared_kernels()
-    compile_seconds = kernels.compile_seconds
     attempts = 0
 
     def run(step: TimeStep) -> Driver:
@@ -117,16 +115,11 @@ def compute(
     second = None
     if scenario.scene.time.tolerance != "none" and scenario.step_dependent:
         driver, second = within_tolerance(driver, finished)
-    compile_seconds = kernels.compile_seconds - compile_seconds
-    return _described(driver, second, estimate, attempts, compile_seconds)
+    return _described(driver, second, estimate, attempts)
 
 
 def _described(
-    driver: Driver,
-    second: SecondRun | None,
-    estimate: bool,
-    attempts: int,
-    compile_seconds: float,
+    driver: Driver, second: SecondRun | None, estimate: bool, attempts: int
 ) -> Outcome:
     scenario = driver.scenario
     step = driver.step
@@ -181,7 +174,6 @@ def _described(
         replay=driver.replay,
         frames=driver.replay,
         summary=summary,
-        compile_seconds=compile_seconds,
     )
 
 

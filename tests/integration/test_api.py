@@ -301,6 +301,8 @@ def test_titles_say_where_a_lattice_comes_from(tmp_path):
     ]
     assert origins == ["seed 0", "seed 5", "custom lattice", "points.csv"]
     thrown = scene.scenario(velocities=np.tile([0.0, -0.05], (60, 1)))
+    assert thrown.scene.lattice.velocities == "none"
+    assert thrown.stored_scene.lattice.velocities == "lattice.npz"
     pressed = (
         load_scene("compression")
         .with_({"lattice.points": 60})

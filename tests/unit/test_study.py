@@ -63,7 +63,7 @@ def test_finer_lattices_are_of_the_same_material(kind: str) -> None:
     )
 
 
-def test_the_advice_to_take_more_points_says_what_keeps_the_body() -> None:
+def test_a_scatter_above_the_step_s_error_asks_for_more_lattices_and_points() -> None:
     scene = load_scene("exponential_wall", ["lattice.points=300"])
     finer = [
         replace(change, result=0.9, difference=0.1)
@@ -76,10 +76,7 @@ def test_the_advice_to_take_more_points_says_what_keeps_the_body() -> None:
         *finer,
     ]
     advice = Findings("restitution", [STEP], sources).sentence
-    assert (
-        "use more seeds and points, not smaller steps; material.viscosity = 0.03333"
-        " keeps the damping the same" in advice
-    )
+    assert advice.endswith("use more seeds and points, not smaller steps")
     own = scene.with_(viscosity=0.01)
     assert all("viscosity" not in key for change in changes(own) for key in change.keys)
 
