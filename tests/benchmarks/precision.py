@@ -163,7 +163,7 @@ def gap_at(scene: Any, potential: float) -> float:
 
 
 def truth(impact: dict[str, Any]) -> float:
-    """Return e of a flight that starts and ends where the potential is smaller still."""
+    """Return e of a flight that starts and ends at a smaller potential."""
     start = start_of(impact["settings"])
     lift = log(FARTHER) / start.model.wall.a
     gap = load_scene(RIGID, impact["settings"]).impact.gap + lift

@@ -50,7 +50,8 @@ def window(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
                 continue
         slowest = quantiles(seconds, n=100)[-1]
         yield (
-            f"  {name:<44}{1 / median(seconds):12.1f}{1 / slowest:13.1f}{steps / sum(seconds):10,.0f}"
+            f"  {name:<44}{1 / median(seconds):12.1f}{1 / slowest:13.1f}"
+            f"{steps / sum(seconds):10,.0f}"
         )
 
 
@@ -92,7 +93,8 @@ def page(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
     from tests.browser import MISSING
 
     yield (
-        f"{'the page, 1400 x 900':<46}{'ms/state':>10}{'kB/state':>10}{'states/s':>10}{'slowest 1 %':>13}"
+        f"{'the page, 1400 x 900':<46}{'ms/state':>10}{'kB/state':>10}"
+        f"{'states/s':>10}{'slowest 1 %':>13}"
     )
     for scene, *own in SCENES:
         given = (*own, *settings)

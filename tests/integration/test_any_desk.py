@@ -21,20 +21,25 @@ ROOT = Path(__file__).parents[2]
 BARE = """
 import os, signal, sys
 
-for name in ("SIGALRM", "SIGHUP", "SIGUSR1", "setitimer", "alarm", "pthread_sigmask", "pthread_kill"):
+for name in ("SIGALRM", "SIGHUP", "SIGUSR1", "setitimer", "alarm"):
     delattr(signal, name)
-import asyncio, multiprocessing.popen_spawn_posix, multiprocessing.resource_tracker, subprocess
+for name in ("pthread_sigmask", "pthread_kill"):
+    delattr(signal, name)
+import asyncio, subprocess
+import multiprocessing.popen_spawn_posix, multiprocessing.resource_tracker
 
 for name in ("fcntl", "grp", "pwd", "resource", "termios"):
     sys.modules[name] = None
-for name in ("fork", "forkpty", "getuid", "geteuid", "getgid", "sched_getaffinity", "killpg"):
+for name in ("fork", "forkpty", "getuid", "geteuid", "getgid", "killpg"):
     delattr(os, name)
+delattr(os, "sched_getaffinity")
 kill = os.kill
 
 
 def gentle_kill(pid, number):
     inside = sys._getframe(1).f_globals["__name__"]
-    assert not number or inside in ("subprocess", "multiprocessing.popen_fork"), f"{inside} sends signal {number}"
+    may_send = inside in ("subprocess", "multiprocessing.popen_fork")
+    assert not number or may_send, f"{inside} sends signal {number}"
     kill(pid, number)
 
 
@@ -50,7 +55,8 @@ for module in pkgutil.walk_packages(taichi_disk.__path__, "taichi_disk."):
     if not module.name.endswith("__main__"):
         importlib.import_module(module.name)
 small = ["lattice.points=20", "video.size=64", "video.seconds=0.2"]
-raise SystemExit(main(["run", "exponential_wall", "--out", "out/a run", *(f"--set={setting}" for setting in small)]))
+settings = [f"--set={setting}" for setting in small]
+raise SystemExit(main(["run", "exponential_wall", "--out", "out/a run", *settings]))
 """
 SWEEP = """
 from taichi_disk import load_sweep, run_sweep

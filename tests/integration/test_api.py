@@ -351,7 +351,8 @@ alone = run(scene, lattices=1)
 def again(k):
     result = run(scene, lattices=1) if k % 2 else alone
     state = result.state(5.0)
-    return result.restitution, state.positions.tobytes(), result.trajectory([1.0, 4.0])[1].tobytes()
+    moved = result.trajectory([1.0, 4.0])[1]
+    return result.restitution, state.positions.tobytes(), moved.tobytes()
 
 with ThreadPoolExecutor(4) as threads:
     assert set(threads.map(again, range(24))) == {again(0)}

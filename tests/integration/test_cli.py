@@ -302,12 +302,14 @@ def test_check_and_help_load_nothing_that_is_slow():
     code = """
 import sys
 from taichi_disk.cli import main
-for words in ["check", "exponential_wall"], ["check", "figure3"], ["check", "no-such-scene"], ["--help"]:
+SLOW = {"taichi", "taichi_forge", "scipy", "matplotlib", "rich", "imageio", "av", "PIL"}
+checks = [["check", name] for name in ("exponential_wall", "figure3", "no-such-scene")]
+for words in *checks, ["--help"]:
     try:
         main(words)
     except SystemExit:
         pass
-    slow = {"taichi", "taichi_forge", "scipy", "matplotlib", "rich", "imageio", "av", "PIL"} & set(sys.modules)
+    slow = SLOW & set(sys.modules)
     if slow:
         sys.exit(f"{words} loaded {slow}")
 """

@@ -151,7 +151,8 @@ from taichi_disk.render.video import video
 path, (rows, columns) = Path(sys.argv[1]), np.mgrid[:240, :240]
 with video(path, path.suffix, (240, 240), 10, "") as write:
     for k in range(10):
-        grey = 128 + 100 * np.sin(0.002 * (rows - 4 * k) ** 2 + 0.01 * columns * np.cos(k))
+        phase = 0.002 * (rows - 4 * k) ** 2 + 0.01 * columns * np.cos(k)
+        grey = 128 + 100 * np.sin(phase)
         write(partial(np.stack, [grey.astype(np.uint8)] * 4, axis=2))
 """
 
@@ -544,7 +545,7 @@ def test_the_panel_s_curves_are_coloured_up_to_now_and_show_the_time_series(
     film(tmp_path / "frames", [run], video(size=720, seconds=0.8, panel="true"), QUIET)
     frames = pictures_in(tmp_path / "frames")
     assert frames.shape[1:] == (720, 1280, 3)
-    # The velocity in the uppermost axes: the last pixels in its colour, below its title.
+    # The velocity in the uppermost axes: the last pixels of its colour below its title.
     green = 255 * np.array(THEMES["light"].velocity)
     columns, rows, times = [], [], []
     start, end = contact_of(run)

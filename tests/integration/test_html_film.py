@@ -88,7 +88,7 @@ def test_states_survive_the_packing_to_a_thousandth_of_r(folder):
     inside = [k for k, t in enumerate(times) if 0.0 <= t <= last]  # of the run
     for k in (inside[0], inside[len(inside) // 2], inside[-1]):
         x = rest + moved[k]
-        # A caption rounds the time to 0.01 R/c; the path of the centre knows it exactly.
+        # A caption rounds the time to 0.01 R/c; the path of the centre has it exactly.
         state = result.state(times[k])
         away = centres[k] - result.lattice.mean(state.positions)
         delay = away @ velocities[k] / (velocities[k] @ velocities[k])
@@ -187,14 +187,23 @@ def browser():
     driver.quit()
 
 
+WAIT_FOR_FILM = """
+const done = arguments[0];
+function isReady() {
+  const canvas = document.querySelector("canvas");
+  return canvas?.width > 100 && document.querySelector("#moment").max > 9;
+}
+(function ask() { isReady() ? done() : setTimeout(ask, 50); })();
+"""
+
+
 def opened(browser, folder, size):
     browser.execute_cdp_cmd(
         "Emulation.setDeviceMetricsOverride",
         {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False},
     )
     browser.get((folder / "film.html").as_uri())
-    wait = "const done = arguments[0]; (function f() { document.querySelector('canvas')?.width > 100 && document.querySelector('#moment').max > 9 ? done() : setTimeout(f, 50) })()"
-    browser.execute_async_script(wait)
+    browser.execute_async_script(WAIT_FOR_FILM)
 
 
 def stop_at(browser, part):
@@ -286,16 +295,22 @@ def test_on_a_screen_of_any_size_no_text_is_small_and_nothing_scrolls_sideways(
     assert (
         browser.execute_script("return document.documentElement.scrollWidth") <= size[0]
     )
-    small = """return [...document.querySelectorAll('body *')].filter(e => e.offsetWidth && e.textContent.trim()
+    small = """return [...document.querySelectorAll('body *')].filter(e =>
+        e.offsetWidth && e.textContent.trim()
         && parseFloat(getComputedStyle(e).fontSize) > 0
         && parseFloat(getComputedStyle(e).fontSize) < 12).map(e => e.outerHTML)"""
     assert browser.execute_script(small) == []
     # the marks on the time line are short cuts of the slider below them
-    low = """return [...document.querySelectorAll('button, select, input[type=range], label')]
-        .filter(e => e.offsetWidth && !e.matches('#line button') && e.getBoundingClientRect().height < 43.5).map(e => e.outerHTML)"""
+    low = """
+        const targets = 'button, select, input[type=range], label';
+        return [...document.querySelectorAll(targets)].filter(e =>
+        e.offsetWidth && !e.matches('#line button')
+        && e.getBoundingClientRect().height < 43.5).map(e => e.outerHTML)"""
     assert browser.execute_script(low) == []
-    nameless = """return [...document.querySelectorAll('button, select, input')].filter(e =>
-        !(e.ariaLabel || e.textContent.trim() || e.labels?.length)).map(e => e.outerHTML)"""
+    nameless = """
+        const controls = document.querySelectorAll('button, select, input');
+        return [...controls].filter(e => !(e.ariaLabel || e.textContent.trim()
+        || e.labels?.length)).map(e => e.outerHTML)"""
     assert browser.execute_script(nameless) == []
     names = (
         "const e = document.getElementById('names'); return [e.innerText, "
@@ -305,5 +320,6 @@ def test_on_a_screen_of_any_size_no_text_is_small_and_nothing_scrolls_sideways(
     assert "elastic" in text and "flight" in text and cut <= 0
     # a canvas has the pixels that it covers: no circle is an ellipse
     stretched = """return [...document.querySelectorAll('canvas')].filter(e =>
-        e.offsetWidth && Math.abs(e.width / e.height - e.clientWidth / e.clientHeight) > 0.02).length"""
+        e.offsetWidth && Math.abs(
+        e.width / e.height - e.clientWidth / e.clientHeight) > 0.02).length"""
     assert browser.execute_script(stretched) == 0

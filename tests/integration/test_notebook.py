@@ -171,12 +171,16 @@ def test_the_widget_s_module_shows_the_sandbox_in_a_browser(tmp_path: Path) -> N
         module = base64.b64encode(sandbox._esm.encode()).decode()
         (tmp_path / "cell.html").write_text(
             f"""<body style="margin: 0"><div id="cell"></div><script type="module">
-            const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-            const module = URL.createObjectURL(new Blob([bytes("{module}")], {{ type: "text/javascript" }}));
+            const code = (letter) => letter.charCodeAt(0);
+            const bytes = (text) => Uint8Array.from(atob(text), code);
+            const type = "text/javascript";
+            const blob = new Blob([bytes("{module}")], {{ type }});
+            const module = URL.createObjectURL(blob);
             const widget = (await import(module)).default, said = window.said = [];
             let hear;
             const send = (message) => said.push(message);
-            const model = {{ get: () => 700, send, on: (_, act) => (hear = act), off() {{}} }};
+            const on = (_, act) => (hear = act);
+            const model = {{ get: () => 700, send, on, off() {{}} }};
             widget.render({{ model, el: document.getElementById("cell") }});
             for (const one of {json.dumps(messages)}) {{
               const to = said[0].visitor;

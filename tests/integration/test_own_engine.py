@@ -33,7 +33,8 @@ from taichi_disk import run
 from taichi_disk.engine import ti
 from taichi_disk.errors import InputError
 
-for options in ({{}}, {{"default_fp": ti.f64}}, {{"default_fp": ti.f64, "fast_math": False, "arch": ti.vulkan}}):
+double = {{"default_fp": ti.f64}}
+for options in {{}}, double, double | {{"fast_math": False, "arch": ti.vulkan}}:
     ti.init(**options)
     try:
         run({SMALL}, lattices=1)
@@ -44,7 +45,8 @@ HOOK = """
 import sys
 
 def heard(event, what):
-    if event.startswith("socket.") and event not in ("socket.__new__", "socket.gethostname"):
+    is_harmless = event in ("socket.__new__", "socket.gethostname")
+    if event.startswith("socket.") and not is_harmless:
         print("SENT", event, what, file=sys.stderr, flush=True)
 
 sys.addaudithook(heard)

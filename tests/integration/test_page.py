@@ -1106,31 +1106,42 @@ def test_every_layout_is_free_of_overlaps_small_letters_and_small_targets(
 
 
 FAULTS = """
-const found = [], box = (one) => one.getBoundingClientRect(), root = document.documentElement;
+const found = [];
+const box = (one) => one.getBoundingClientRect();
+const root = document.documentElement;
 const start = (one) => one.outerHTML.slice(0, 80);
-if (root.scrollWidth > innerWidth || root.scrollHeight > innerHeight) found.push("the page scrolls");
+if (root.scrollWidth > innerWidth || root.scrollHeight > innerHeight)
+  found.push("the page scrolls");
 const seen = [...document.querySelectorAll("main *")].filter((one) =>
   one.checkVisibility({ visibilityProperty: true }) && !one.closest("dialog"));
 for (const one of seen) {
-  const words = [...one.childNodes].some((node) => node.nodeType === 3 && node.data.trim());
-  if (words && parseFloat(getComputedStyle(one).fontSize) < 12) found.push("small letters: " + start(one));
+  const hasWords = (node) => node.nodeType === 3 && node.data.trim();
+  const size = parseFloat(getComputedStyle(one).fontSize);
+  if ([...one.childNodes].some(hasWords) && size < 12)
+    found.push("small letters: " + start(one));
 }
 const controls = seen.filter((one) => one.matches("button, select, input"));
 for (const one of controls) {
   const { width, height } = box(one.closest("label") ?? one);
-  if (width < 43.9 || height < 43.9) found.push(`small target ${width} x ${height}: ${start(one)}`);
+  if (width < 43.9 || height < 43.9)
+    found.push(`small target ${width} x ${height}: ${start(one)}`);
 }
 const across = (a, b) => Math.min(a.right, b.right) - Math.max(a.left, b.left);
 const down = (a, b) => Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
 const place = (one) => one.closest("section, nav, header");
-const texts = ["caption", "message", "sentence", "role", "status"].map((id) => document.getElementById(id));
-const things = [...controls, ...texts.filter((one) => seen.includes(one) && one.textContent)];
+const names = ["caption", "message", "sentence", "role", "status"];
+const texts = names.map((id) => document.getElementById(id));
+const words = texts.filter((one) => seen.includes(one) && one.textContent);
+const things = [...controls, ...words];
 things.forEach((one, k) => things.slice(0, k).forEach((other) => {
-  if (place(one) === place(other) && across(box(one), box(other)) >= 1 && down(box(one), box(other)) >= 1)
+  const width = across(box(one), box(other));
+  const height = down(box(one), box(other));
+  if (place(one) === place(other) && width >= 1 && height >= 1)
     found.push("overlap: " + start(one) + " and " + start(other));
 }));
 const { drawing, state } = window.sandbox, { left, top } = box(drawing.canvas);
-const [x, y] = drawing.toScreen(state.row.com_x, state.row.com_y), legend = top + 2 * drawing.middle[1];
+const [x, y] = drawing.toScreen(state.row.com_x, state.row.com_y);
+const legend = top + 2 * drawing.middle[1];
 for (const one of texts.slice(0, 2).filter((text) => text.textContent).map(box)) {
   const dx = Math.max(one.left - left - x, left + x - one.right, 0);
   const dy = Math.max(one.top - top - y, top + y - one.bottom, 0);

@@ -25,7 +25,10 @@ from taichi_disk.simulation.observables import COLUMNS
 
 SMALL = ("lattice.points=100", "time.safety=0.3")
 WALL = (*SMALL, "wall.points=120", "wall.width=3.2", "wall.boundary=dashpot")
-ALWAYS = "t,com_x,com_y,com_vx,com_vy,angular_momentum,lowest_y,wall_force,kinetic,elastic,wall,dissipated,absorbed,total"
+ALWAYS = (
+    "t,com_x,com_y,com_vx,com_vy,angular_momentum,lowest_y,wall_force,"
+    "kinetic,elastic,wall,dissipated,absorbed,total"
+)
 STEPPED = {"restitution", "contact_time", "dt", "energy"}
 SCENES = {
     "exponential_wall": (SMALL, STEPPED),

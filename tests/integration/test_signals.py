@@ -36,9 +36,13 @@ import builtins, signal
 from taichi_disk.engine import ti
 from taichi_disk import load_scene, run
 
-def drawn(window, first=ti.ui.Window.get_image_buffer_as_numpy, imported=builtins.__import__):
+first = ti.ui.Window.get_image_buffer_as_numpy
+imported = builtins.__import__
+
+def drawn(window):
     def interrupted(*what):
-        signal.raise_signal(signal.SIGINT)  # an exception within this import, NumPy's own, would abort the process
+        # an exception within this import, NumPy's own, would abort the process
+        signal.raise_signal(signal.SIGINT)
         return imported(*what)
     builtins.__import__ = interrupted
     try:
@@ -47,7 +51,8 @@ def drawn(window, first=ti.ui.Window.get_image_buffer_as_numpy, imported=builtin
         builtins.__import__ = imported
 
 ti.ui.Window.get_image_buffer_as_numpy = drawn
-result = run(load_scene("exponential_wall", ["lattice.points=20", "video.seconds=0.1", "video.size=64"]))
+small = ["lattice.points=20", "video.seconds=0.1", "video.size=64"]
+result = run(load_scene("exponential_wall", small))
 try:
     result.film("film.mp4")
 except KeyboardInterrupt:
@@ -56,7 +61,8 @@ except KeyboardInterrupt:
 FROM_PYTHON = """
 from taichi_disk import run
 from taichi_disk.engine import ti
-scene = {"scene": "exponential_wall", "lattice": {"points": 300}, "impact": {"velocity": 1e-4}}
+slow = {"lattice": {"points": 300}, "impact": {"velocity": 1e-4}}
+scene = {"scene": "exponential_wall"} | slow
 print("ready", flush=True)
 try:
     while True:

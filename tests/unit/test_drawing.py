@@ -46,11 +46,13 @@ def drawn(folder: Path, mark: str, fringes: bool = False) -> np.ndarray:
     """Return the pixels (SIZE, SIZE, 4) of the fan with values x/SIZE, y upwards."""
     springs = [[0, 6], [3, 9]]
     code = f"""
-const field = new Field({{ points: 13, triangles: new Uint32Array({np.ravel(FAN).tolist()}),
+const field = new Field({{
+  points: 13, triangles: new Uint32Array({np.ravel(FAN).tolist()}),
   springs: new Uint32Array({np.ravel(springs).tolist()}) }});
 const map = Uint8Array.from({{ length: 768 }}, (_, k) => Math.floor(k / 3));
 field.draw({SIZE}, {SIZE}, {{ positions: Float32Array.from({POINTS.ravel().tolist()}),
-  values: Float32Array.from({(POINTS[:, 0] / SIZE).tolist()}), marks: [{mark}], colours: map,
+  values: Float32Array.from({(POINTS[:, 0] / SIZE).tolist()}),
+  marks: [{mark}], colours: map,
   factor: 1, shift: [0, 0], scale: [1, 0], fringes: {json.dumps(fringes)} }});
 console.log(JSON.stringify([...field.image.data]));"""
     pixels = np.array(run_in_node(code, folder)).reshape(SIZE, SIZE, 4)

@@ -13,61 +13,54 @@ from taichi_disk.computation import error_estimate
 from taichi_disk.computation.error_estimate import richardson
 
 HELD = (  # friction holds points, whose number depends on the step
-    *(
-        "exponential_wall",
-        "lattice.points=58",
-        "lattice.seed=3290",
-        "impact.velocity=0.017432537234003606",
-    ),
-    *("impact.angle=-1.2053025128894208", "wall.friction=0.6", "material.eta_star=0"),
-    *("wall.a=114.41203024441383", "wall.V0=57.206015122206914"),
+    "exponential_wall",
+    "lattice.points=58",
+    "lattice.seed=3290",
+    "impact.velocity=0.017432537234003606",
+    "impact.angle=-1.2053025128894208",
+    "wall.friction=0.6",
+    "material.eta_star=0",
+    "wall.a=114.41203024441383",
+    "wall.V0=57.206015122206914",
 )
 CROSSED = (  # the step crosses more than a quarter of the wall's decay length
-    *(
-        "exponential_wall",
-        "lattice.points=316",
-        "lattice.seed=9002",
-        "impact.velocity=0.09243455696132839",
-    ),
-    *(
-        "material.eta_star=0",
-        "impact.angle=0.289942393455374",
-        "lattice.hole=0.3881259104443627",
-    ),
-    *("wall.a=1761.1271665782585", "wall.V0=880.5635832891293"),
+    "exponential_wall",
+    "lattice.points=316",
+    "lattice.seed=9002",
+    "impact.velocity=0.09243455696132839",
+    "material.eta_star=0",
+    "impact.angle=0.289942393455374",
+    "lattice.hole=0.3881259104443627",
+    "wall.a=1761.1271665782585",
+    "wall.V0=880.5635832891293",
 )
 # e at a step and at half of it agree by chance: all points slide, on a hard wall
 AGREEING = (
-    *(
-        "exponential_wall",
-        "lattice.points=60",
-        "lattice.seed=6976",
-        "impact.velocity=0.03023",
-        "impact.turn=-3.1078",
-    ),
-    *(
-        "impact.angle=1.2217",
-        "material.viscosity=0.01315",
-        "material.dashpot=axial",
-        "wall.friction=0.07868",
-    ),
-    *("wall.a=2617.0", "wall.V0=1308.5"),
+    "exponential_wall",
+    "lattice.points=60",
+    "lattice.seed=6976",
+    "impact.velocity=0.03023",
+    "impact.turn=-3.1078",
+    "impact.angle=1.2217",
+    "material.viscosity=0.01315",
+    "material.dashpot=axial",
+    "wall.friction=0.07868",
+    "wall.a=2617.0",
+    "wall.V0=1308.5",
 )
 HELD_AGREEING = (  # the same, but points stick
-    *(
-        "exponential_wall",
-        "lattice.points=100",
-        "lattice.seed=4324",
-        "impact.velocity=0.06199",
-        "impact.turn=2.7359",
-    ),
-    *(
-        "material.eta_star=0",
-        "lattice.core_radius=0.573",
-        "lattice.core_stiffness=3.778",
-        "wall.friction=1.969",
-    ),
-    *("lattice.core_density=1.264", "wall.a=299.9", "wall.V0=149.95"),
+    "exponential_wall",
+    "lattice.points=100",
+    "lattice.seed=4324",
+    "impact.velocity=0.06199",
+    "impact.turn=2.7359",
+    "material.eta_star=0",
+    "lattice.core_radius=0.573",
+    "lattice.core_stiffness=3.778",
+    "wall.friction=1.969",
+    "lattice.core_density=1.264",
+    "wall.a=299.9",
+    "wall.V0=149.95",
 )
 SMALL = (
     "exponential_wall",
@@ -149,14 +142,12 @@ def test_the_estimate_of_the_contact_time_holds_when_half_of_the_rows_agree_by_c
         "lattice.seed=4606",
         "impact.velocity=0.005391",
         "wall.a=167.3",
-    )
-    settings += (
         "wall.V0=83.65",
         "impact.turn=-0.7813",
         "impact.angle=-1.0415",
         "lattice.hole=0.345",
+        "material.eta_star=0",
     )
-    settings += ("material.eta_star=0",)
     scenario, outcome = computed(kernels, *settings)
     fine = (
         f"time.dt={outcome.summary['dt'] / 8}",

@@ -1,5 +1,5 @@
-"""Results along the wall: the lowest point, the arm of the wall's impulse, and the scale
-of errors."""
+"""Results along the wall: the lowest point, the arm of the wall's impulse, and the
+scale of errors."""
 
 from __future__ import annotations
 

@@ -331,14 +331,17 @@ moves = []
 def counted(move):
     def moved(old, *new, **options):
         is_trial = new and Path(new[0]).exists()  # whether a folder can be renamed
-        if Path(old).parent == Path(sys.argv[1]).parent and Path(old).exists() and not is_trial:
+        is_beside = Path(old).parent == Path(sys.argv[1]).parent
+        if is_beside and Path(old).exists() and not is_trial:
             if len(moves) == int(sys.argv[3]):
                 print("ready", flush=True)
                 sys.stdin.read()
             moves.append(old)
         move(old, *new, **options)
     return moved
-os.rename, os.replace, shutil.rmtree = counted(os.rename), counted(os.replace), counted(shutil.rmtree)
+os.rename = counted(os.rename)
+os.replace = counted(os.replace)
+shutil.rmtree = counted(shutil.rmtree)
 with run_folder(sys.argv[1], sys.argv[2], True, True) as folder:
     for name in ("timeseries.csv", "plot.png"):
         (folder.path / name).write_text("new")

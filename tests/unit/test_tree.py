@@ -497,9 +497,10 @@ def test_a_pipe_is_read_once(text: str) -> None:
 # printed.
 
 WORDS = """\
-scene lattice material wall impact compression time video sweep points seed rim file k_a dt velocity gap pressure auto
-precision f64 reset exponential_wall absorbing_wall lin geom range : - , { } [ ] & * &a *a ! !!int !!float
-!!python/none | > ' " # --- ... % %YAML ? << ~ null true 0 -1 1e-3 1e999 .nan .inf 0x 0o7 1_0 \\ "\\ud800" é"""
+scene lattice material wall impact compression time video sweep points seed rim file
+k_a dt velocity gap pressure auto precision f64 reset exponential_wall absorbing_wall
+lin geom range : - , { } [ ] & * &a *a ! !!int !!float !!python/none | > ' " # --- ...
+% %YAML ? << ~ null true 0 -1 1e-3 1e999 .nan .inf 0x 0o7 1_0 \\ "\\ud800" é"""
 SPACES = [": ", "\n", "\n  ", "\n\t", "\x85", "\u2028", "\ufeff"]
 SOUP = st.lists(st.sampled_from([*WORDS.split(), *SPACES]), max_size=40)
 

@@ -14,6 +14,9 @@ from .random_scenes import feature_scene, trial_scene
 SMALL = [
     number for number in range(60) if "lattice.points=30" in trial_scene(number)[1]
 ]
+# Their true results take most of the time; scenes 38 (resets with dashpots) and 2, 11
+# and 49 (strong dashpots on the rigid wall) are of the same kinds.
+LONG = {4, 7}
 
 SMALL_WITH_FRICTION = [
     number
@@ -34,7 +37,11 @@ SLIDING = [1202, 1596, 2056]
 @pytest.mark.parametrize(
     ("scenes", "tolerance"),
     [
-        pytest.param(SMALL[::2], False, id="estimate"),
+        pytest.param(
+            [number for number in SMALL[::2] if number not in LONG],
+            False,
+            id="estimate",
+        ),
         pytest.param(SMALL[1::2], True, id="tolerance"),
     ],
 )
