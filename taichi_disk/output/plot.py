@@ -144,8 +144,9 @@ def _drawn(scenario: Scenario, columns: Columns, headline: str) -> Plot:
 
     figure = Plot(figsize=(7.6, 9.2), dpi=120)
     FigureCanvasAgg(figure)
-    title = fill("    ".join([*scenario.title()[1:], headline]).strip(), 95)
-    figure.suptitle(title, y=0.99, fontsize=9.5, fontweight="bold")
+    parameters = "    ".join(scenario.title()[1:])
+    title = f"{fill(parameters, 95)}\n{fill(headline, 95)}"
+    figure.suptitle(title.strip(), y=0.99, fontsize=9.5, fontweight="bold")
     (_draw_loading if scenario.static else _draw_run)(figure, scenario, columns)
     for ax in figure.axes:
         ax.yaxis.set_label_coords(-0.11, 0.5)

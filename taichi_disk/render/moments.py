@@ -225,12 +225,15 @@ def captions(run: Run, cues: Sequence[Cue]) -> Iterator[Caption]:
         note = cue.note
         if note == MOMENTS["greatest"] and abs(cue.t - peak) > _NEAR_PEAK * peak:
             note = ""  # the cue belongs to another run
+        has_result = cue.t >= result_time
+        if has_result and not run.scenario.is_thrown:
+            others = []  # the result says it with more digits
         yield Caption(
             time=time,
-            motion=others[0] if others else "",
+            motion="".join(others[:1]),
             others=tuple(others[1:]),
             note=note,
-            result=result if cue.t >= result_time else "",
+            result=result if has_result else "",
             pace=cue.pace,
         )
 

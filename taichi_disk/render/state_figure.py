@@ -159,7 +159,7 @@ def _label(painter: Painter) -> str:
     if kind.low:
         label += f"  ({kind.low} − … + {kind.high})"
     if kind.on != "points":
-        label += ", averaged at points"
+        label += ",\naveraged at points"  # in one line it would be cut
     if kind.unit:
         label += f"  [{kind.unit}]"
     return label
