@@ -26,7 +26,7 @@ SINGLE = {"rtol": 1e-6, "atol": 1e-7}
 LATTICE = non_uniform(with_wall(disk_lattice(40, seed=1), 60, 3.0, seed=1))
 MODEL = Model(Springs(1.3, 0.2, 0.5), ElasticWall(300.0, 150.0, 0.1))
 SCENE = load_scene("absorbing_wall", ["lattice.points=40", "lattice.seed=1"])
-SCENARIO = SimpleNamespace(scene=SCENE, lattice=LATTICE, model=MODEL)
+SCENARIO = SimpleNamespace(stored_scene=SCENE, lattice=LATTICE, model=MODEL)
 
 
 def state(t):
