@@ -71,12 +71,14 @@ class Graphs:
     def values(self, rows: Array) -> Array:
         """Return CURVES (rows, curves) of observables (rows, k): energies [M c^2],
         force [M c^2/R], velocity or ξ."""
-        columns = split(dict(zip(INDEX, rows.T, strict=True)), self._inertia)
-        lost = rows[:, _LOSSES].sum(axis=1) + self._lost_before
-        stored = columns["elastic"] + columns["wall"]
-        motion = self._scenario.momentary_motion(columns)
-        parts = [columns[name] for name in of_kind("part")]
-        return np.stack([*parts, stored, lost, columns["wall_force"], motion], axis=1)
+        observables = dict(zip(INDEX, rows.T, strict=True))
+        columns = split(observables, self._inertia)
+        curves = [columns[name] for name in of_kind("part")]
+        curves.append(columns["elastic"] + columns["wall"])
+        curves.append(rows[:, _LOSSES].sum(axis=1) + self._lost_before)
+        curves.append(columns["wall_force"])
+        curves.append(self._scenario.momentary_motion(columns))
+        return np.stack(curves, axis=1)
 
 
 def _five_digits(curve: Array) -> list[float]:

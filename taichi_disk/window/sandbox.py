@@ -89,6 +89,30 @@ class Experiment(
     """
 
 
+def experiment_of(segment: Segment) -> Experiment:
+    """Return the row of the table for a segment that has come to its end."""
+    scenario = segment.scenario
+    scene = scenario.scene
+    points = scenario.lattice.disk_points
+    numbers = scenario.result(segment.columns)
+    return Experiment(
+        result=scenario.symbol,
+        value=next(iter(numbers.values())),
+        load=value_of(scene, load_key(scene)),
+        angle=value_of(scene, "impact.angle"),
+        spin=value_of(scene, "impact.spin"),
+        friction=value_of(scene, "wall.friction"),
+        eta_star=scene.material.eta(points) * points,
+        a=scene.wall.a,
+        points=points,
+        contact_time=numbers.get("contact_time"),
+        disturbance=segment.label,
+        turn=value_of(scene, "impact.turn"),
+        seed=scene.lattice.seed,
+        wall=value_of(scene, "wall.boundary") or "rigid",
+    )
+
+
 class Sandbox:
     """A scene that a user plays with. `ti.init` must have been called; no display is
     needed.
@@ -244,38 +268,24 @@ class Sandbox:
         """Enter the result into the table, and begin the next experiment of a curve
         that is being collected."""
         scenario = segment.scenario
-        label = segment.label
-        scene = scenario.scene
-        points = scenario.lattice.disk_points
-        numbers = scenario.result(segment.columns)
-        value = next(iter(numbers.values()))
-        unit = next(iter(scenario.labels.values()))[1]
-        eta_star = scene.material.eta(points) * points
-        contact_time = numbers.get("contact_time")
-        keys = load_key(scene), "impact.angle", "impact.spin", "wall.friction"
-        settings = [
-            *(value_of(scene, key) for key in keys),
-            eta_star,
-            scene.wall.a,
-            points,
-        ]
-        wall = value_of(scene, "wall.boundary") or "rigid"
-        which = value_of(scene, "impact.turn"), scene.lattice.seed, wall
-        result = Experiment._make(
-            [scenario.symbol, value, *settings, contact_time, label, *which]
-        )
-        self.results = [*self.results, result][-MAX_RESULTS:]
+        experiment = experiment_of(segment)
+        self.results = [*self.results, experiment][-MAX_RESULTS:]
         self.paused = True
-        digits = printed(scenario.symbol, value)
-        text = f"{scenario.end_words}: {scenario.symbol} = {digits} {unit}".rstrip()
-        self.message = f"{text}, {label}" if label else text
+        digits = printed(experiment.result, experiment.value)
+        unit = next(iter(scenario.labels.values()))[1]
+        text = f"{scenario.end_words}: {experiment.result} = {digits} {unit}".rstrip()
+        self.message = text
+        if segment.label:
+            self.message = f"{text}, {segment.label}"
         if self.remaining_loads:
-            self.collect(self.remaining_loads[1:])
-            if not self.remaining_loads:
-                self.begin(
-                    with_key(self.scene, load_key(self.scene), self._load_before)
-                )
-                self.message = "the curve is complete; the disk is at the start again"
+            self._collect_next()
+
+    def _collect_next(self) -> None:
+        self.collect(self.remaining_loads[1:])
+        if not self.remaining_loads:
+            key = load_key(self.scene)
+            self.begin(with_key(self.scene, key, self._load_before))
+            self.message = "the curve is complete; the disk is at the start again"
 
     def collect(self, loads: list[float]) -> None:
         """Run the present scene with each of `loads` (speeds [c] or pressures [M
