@@ -35,6 +35,13 @@ PANEL_WIDTH = 300  # width of the widgets [px]
 # delay before a held key repeats, and between repeats [s]
 _REPEAT_DELAY = 0.35
 _REPEAT_INTERVAL = 0.07
+_SLIDERS = (
+    "material.eta_star",
+    "material.viscosity",
+    "impact.velocity",
+    "compression.pressure",
+    "wall.a",
+)
 _BUTTONS = (
     ("space", "drop / pause"),
     ("r", "to the start"),
@@ -199,6 +206,14 @@ class Viewer:
             for key, label in _BUTTONS:
                 if panel.button(label):
                     controls.press(key)
+            for key in [key for key in _SLIDERS if key in controls.ranges]:
+                one = controls.ranges[key]
+                value = float(controls.value(key))
+                new = panel.slider_float(
+                    one.name.split()[-1].translate(_ASCII), value, one.low, one.high
+                )
+                if abs(new - value) > 1e-6 * (one.high - one.low):
+                    controls.attempt(controls.set, key, float(f"{new:.3g}"))
             write("", *state.segment.scenario.caption(state.values | {"t": state.t}))
             write(f"energy imbalance {sandbox.time.segment.imbalance:+.1e}")
             write(
