@@ -922,9 +922,6 @@ def test_every_control_of_the_page_does_what_it_says(
 ) -> None:
     program, url = served
     browser.open(url)
-    browser.click("film-page")
-    # `run` may have to be compiled first
-    browser.wait(lambda: browser.downloaded("disk.html"), 120.0)
     for key in browser.script(
         "return [...document.querySelectorAll('.slider')].map(one => one.dataset.key)"
     ):
