@@ -70,14 +70,18 @@ def disk_and_wall(points=100, wall=120, height=0.03):
 def chain(positions, bonds, mass):
     """Return a lattice of a few points, which all belong to disk and surface, unloaded
     at `positions`."""
-    x, ends, none = (
-        np.array(positions),
-        np.array(bonds, np.int32),
-        np.zeros(0, np.int32),
+    x = np.array(positions)
+    ends = np.array(bonds, np.int32)
+    n = len(x)
+    return Lattice(
+        positions=x,
+        bonds=ends,
+        rest_lengths=np.hypot(*(x[ends[:, 0]] - x[ends[:, 1]]).T),
+        masses=np.full(n, mass),
+        triangles=np.zeros((0, 3), np.int32),
+        disk_points=n,
+        disk_surface=np.arange(n, dtype=np.int32),
     )
-    n, rest = len(x), np.hypot(*(x[ends[:, 0]] - x[ends[:, 1]]).T)
-    surface, triangles = np.arange(n, dtype=np.int32), np.zeros((0, 3), np.int32)
-    return Lattice(x, ends, rest, np.full(n, mass), n, surface, none, none, triangles)
 
 
 def assert_tiles(positions, triangles, outline):
