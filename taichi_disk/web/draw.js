@@ -1,5 +1,5 @@
-// Draws a disk in one state on a canvas of any size. `drawing.py` makes the scene's message; a state
-// is {t, x: Float32Array(2n) [R], values: Float32Array(n, or one for each spring), limit,
+// Draws a disk in one state on a canvas of any size. `drawing.py` makes the scene's message; a
+// state is {t, x: Float32Array(2n) [R], values: Float32Array(n, or one for each spring), limit,
 // row: {com_x, com_y, …}, forces: Float32Array(3k) with point, fx, fy [Mc²/R], fullForce,
 // path: [[x, y], …] or nothing}.
 // `limit` is the value of full colour (for fringes: the stress difference of one fringe), and
@@ -27,7 +27,8 @@ export function centroid(x, count) {
   return [sum[0] / count, sum[1] / count];
 }
 
-// Return the angle [rad] by which the first `count` points at `from` turn to fit those at `to` best.
+// Return the angle [rad] by which the first `count` points at `from` turn to fit those at `to`
+// best.
 function rotation(from, to, count) {
   const [fromX, fromY] = centroid(from, count);
   const [toX, toY] = centroid(to, count);
@@ -309,13 +310,13 @@ export class Drawing {
     return ink ? [{ mark: 0 }, { mark: 1, radius: 0.75 * ratio, ink }] : [{ mark: 0 }];
   }
 
-  // Return the undeformed disk at the place, height and angle of the disk at `x`. Points of the wall
-  // stay.
+  // Return the undeformed disk at the place, height and angle of the disk at `x`. Points of the
+  // wall stay.
   unmoved(x) {
     const { rest, disk_points: count } = this.scene;
     const out = x.slice();
     const [fromX, fromY] = centroid(rest, count);
-    const [toX, toY] = centroid(x, count);
+    const [toX] = centroid(x, count);
     const angle = rotation(rest, x, count);
     const cos = Math.cos(angle);
     const sin = Math.sin(angle);

@@ -16,8 +16,8 @@ export class Watch {
     role.after(this.ask, this.hand, this.keep);
   }
 
-  // `plays`: whether this visitor plays; `asks`: whether this visitor has asked to; `asking`: number
-  // of those who have.
+  // `plays`: whether this visitor plays; `asks`: whether this visitor has asked to; `asking`:
+  // number of those who have.
   show({ plays, asks, asking }) {
     this.node.toggleAttribute("data-watching", !plays);
     this.role.textContent = plays ? requests(asking) : "You are watching.";

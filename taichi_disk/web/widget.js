@@ -3,9 +3,10 @@
 
 export default {
   render({ model, el }) {
-    const shadow = el.attachShadow({ mode: "open" }),
-      visitor = Math.random();
-    shadow.innerHTML = `<style>${STYLE} .frame { height: ${model.get("height")}px; container: page / size; }</style>
+    const shadow = el.attachShadow({ mode: "open" });
+    const visitor = Math.random();
+    const frame = `.frame { height: ${model.get("height")}px; container: page / size; }`;
+    shadow.innerHTML = `<style>${STYLE} ${frame}</style>
       <div class="frame">${PAGE}</div>`;
     const send = (message) => model.send({ visitor, ...message });
     const sandbox = (el.sandbox = new Sandbox(shadow.querySelector(".sandbox"), send));
