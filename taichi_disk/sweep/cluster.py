@@ -11,6 +11,7 @@ from typing import Any
 
 from taichi_disk.errors import InputError, install_extra
 
+REPORTERS = ("distributed.client", "tornado.application")  # loggers
 CONNECT_TIMEOUT = 8.0  # how long a scheduler may take to answer [s]
 
 
@@ -25,8 +26,6 @@ def dask_executor(address: str, say: Callable[[str], None]) -> Iterator[Executor
         raise InputError(
             f"Dask needs the package distributed: {install_extra('cluster')}"
         ) from None
-    # The sweep reports lost connections itself.
-    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     try:
         with ThreadPoolExecutor(1) as thread:  # avoids the event loop of a notebook
             identity = thread.submit(asyncio.run, _identity(address)).result()
@@ -42,8 +41,24 @@ def dask_executor(address: str, say: Callable[[str], None]) -> Iterator[Executor
             "a worker computes one scene at a time, however many threads it has: start"
             " it with --nworkers N --nthreads 1 to use N cores"
         )
-    with Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False) as client:
+    options: dict[str, Any] = {"timeout": CONNECT_TIMEOUT, "set_as_default": False}
+    with _without_reports(), Client(address, **options) as client:
         yield client.get_executor()
+
+
+@contextmanager
+def _without_reports() -> Iterator[None]:
+    """Keep Dask's client and its event loop from writing about lost connections, which
+    the sweep reports itself."""
+    loggers = [logging.getLogger(name) for name in REPORTERS]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
 
 
 async def _identity(address: str) -> Any:
