@@ -64,7 +64,7 @@ def start(threads: int | None = None) -> None:
             if threads is not None:
                 _check_threads(ti, number)
             return
-        # It would replace the CPU, and other processors lack double precision.
+        # TI_ARCH would replace the CPU, and other processors lack double precision.
         os.environ.pop("TI_ARCH", None)
         remove_stale_lock()
         try:

@@ -100,13 +100,11 @@ class Findings:
         """Summary of the errors, with advice on the largest."""
         finest = self.last_difference(POINTS)
         scatter = self.scatter
-        parts = [
-            (
-                f"time step {self.step:.1g}"
-                if self.steps
-                else "no time step (an equilibrium)"
-            )
-        ]
+        parts = ["no time step (an equilibrium)"]
+        advice = "nothing to gain"
+        if self.steps:
+            parts = [f"time step {self.step:.1g}"]
+            advice = "use smaller steps (time.tolerance)"
         others = (
             ("lattice scatter", scatter),
             ("finest lattice", finest),
@@ -120,9 +118,6 @@ class Findings:
             more.append("seeds")
         if abs(finest) > max(SIGNIFICANCE * scatter, self.step):
             more.append("points")
-        advice = (
-            "use smaller steps (time.tolerance)" if self.steps else "nothing to gain"
-        )
         if more:
             advice = f"use more {' and '.join(more)}, not smaller steps"
         return f"{self.name}: {', '.join(parts)}: {advice}"

@@ -386,6 +386,7 @@ def _darkness(corners: Array, ink: float, width: float) -> Array:
     length = np.maximum(np.hypot(opposite[..., 0], opposite[..., 1]), 1e-9)
     height = double_area[:, None] / length
     darkness = np.full((len(corners), 3, 3), ink)
+    # A corner lies on two sides, and off the side that is opposite to it.
     corner = np.arange(3)
     darkness[:, corner, corner] = ink * (1.0 - height / width)
     return darkness.reshape(-1, 3)

@@ -106,16 +106,16 @@ def scales_along_the_wall(
         float(columns[name][0]) for name in ("com_vx", "com_vy", "angular_momentum")
     )
     height = _height_at_contact(columns, outline, inertia)
-    turned = height / inertia
-    lowest = abs(vx + spin * turned)
+    spin_per_impulse = height / inertia
+    tangential_speed = abs(vx + spin * spin_per_impulse)
     scales = {
         "normal_impulse": 1.0,
         "tangential_impulse": TANGENTIAL_FACTOR,
-        "spin_after": TANGENTIAL_FACTOR * turned,
+        "spin_after": TANGENTIAL_FACTOR * spin_per_impulse,
     }
-    if lowest:
+    if tangential_speed:
         scales["tangential_restitution"] = (
-            TANGENTIAL_FACTOR * (1.0 + turned * height) / lowest
+            TANGENTIAL_FACTOR * (1.0 + spin_per_impulse * height) / tangential_speed
         )
     return {name: abs(vy) * scale for name, scale in scales.items()}
 

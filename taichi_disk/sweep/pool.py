@@ -87,7 +87,7 @@ def _start() -> subprocess.Popen[bytes]:
         # one thread for each process: they compute at the same time
         env={"OPENBLAS_NUM_THREADS": "1", **os.environ},
     )
-    with suppress(OSError):  # it has died, which the first call will show
+    with suppress(OSError):  # the process has died, and its first call will fail
         _send(process, sys.path)
     return process
 

@@ -273,8 +273,8 @@ def _rows(
     scenes: executors.Scenes,
     results: dict[str, PointResult],
 ) -> list[Row]:
-    """Return the rows of points.csv, in the order of `keys`. A number with the name of
-    an axis, such as `dt`, is the one that was used."""
+    """Return the rows of points.csv, in the order of `keys`. A number that was used and
+    has the name of an axis, such as `dt`, gets a column of its own, `dt_taken`."""
     known = set().union(*(result.numbers for result in results.values()))
     base = sweep.scenes[0]
     optional = [name for name in base.optional_results if name in known]

@@ -238,7 +238,7 @@ def _recorded(
     for name, kind in QUANTITIES.items():
         limit = limits[name]
         full = limit
-        if name == "fringes":  # one fringe, of several
+        if name == "fringes":  # whose limit is the stress of one fringe
             full = float(np.max(values[name]))
         part = np.array(values[name]) / max(full, 1e-300)
         codes = _AMOUNT * np.clip(part, 0.0, 1.0)
