@@ -47,7 +47,7 @@ MAX_NAMED_TIMES = 5  # number of times in a notice
 class Result(Outcome):
     """A finished run. It can be pickled and sent to another process.
 
-    Attributes:
+    Attributes, besides those of `Outcome`:
         out: folder of the run, if there is one.
     """
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 MAX_POINTS = 100_000  # total number of points of the cached lattices
 
 _BODIES: dict[Hashable, Lattice] = {}  # in the order of their last use
-_SPECTRA: dict[Hashable, Spectrum] = {}
+_SPECTRA: dict[Hashable, Spectrum] = {}  # four numbers each, so all are kept
 
 
 def body_of(scene: Scene) -> Lattice:

@@ -7,6 +7,7 @@ from tempfile import TemporaryDirectory
 
 from taichi_disk.computation.outcome import compute
 from taichi_disk.progress import silent
+from taichi_disk.scenes.setup import body_of
 from taichi_disk.web.film import film
 from taichi_disk.window.sandbox import Sandbox
 
@@ -26,7 +27,7 @@ class Films:
         """Make the film of the scene from its start, as `run` computes it. Raises
         TaichiDiskError."""
         scene = self._sandbox.scene
-        outcome = compute(scene.scenario(), estimate=False)
+        outcome = compute(scene.scenario(body_of(scene)), estimate=False)
         with TemporaryDirectory() as folder:
             path = Path(folder, "disk.html")
             write = film(path, [outcome], scene.video, silent)
