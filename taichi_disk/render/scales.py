@@ -106,13 +106,13 @@ class Scales:
         """Add a text with the fraction `part` of its width at the left of `x`, unless
         it would touch another. Return whether it is there."""
         line = Line(text, self._face, x - part * self._face.width(text), row)
-        if not self._has_room(line):
+        if not self._reserve(line):
             return False
         self.lines.append(line)
         return True
 
-    def _has_room(self, line: Line) -> bool:
-        """Return whether the line touches nothing, and then let nothing touch it."""
+    def _reserve(self, line: Line) -> bool:
+        """Reserve the place of a line unless it touches another. Return whether it is free."""
         gap = _GAP * self._face.size
         left, right, top, bottom = line.box
         margin = 0.5 * self._letters.margin
@@ -153,7 +153,7 @@ class Scales:
         for k, row in enumerate((self._numbers, self._words)):
             texts = [lines[k] for lines in paces if len(lines) > k]
             longest = max(texts, key=self._face.width, default="")
-            if self._has_room(self._pace_line(longest, row)):
+            if self._reserve(self._pace_line(longest, row)):
                 rows.append(row)
         return rows
 
