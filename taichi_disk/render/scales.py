@@ -112,7 +112,7 @@ class Scales:
         return True
 
     def _reserve(self, line: Line) -> bool:
-        """Reserve the place of a line unless it touches another. Return whether it is free."""
+        """Reserve the place of a line if it is free, and return whether it is."""
         gap = _GAP * self._face.size
         left, right, top, bottom = line.box
         margin = 0.5 * self._letters.margin
