@@ -32,6 +32,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(study, "REFINEMENTS", (4,))
 
 
+@pytest.mark.validate
 def test_accuracy_does_not_write_into_the_folder_of_a_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

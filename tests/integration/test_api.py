@@ -270,6 +270,7 @@ def test_velocities_that_do_not_fit_are_refused(velocities):
         )
 
 
+@pytest.mark.validate
 def test_a_scene_takes_the_disk_of_a_lattice_that_has_a_wall():
     over_wall = (
         load_scene("absorbing_wall")
@@ -401,6 +402,7 @@ def test_threads_are_a_whole_number_up_to_the_cores(threads):
 
 
 @pytest.mark.parametrize("number", ["1", "0", "-1", "many", ""])
+@pytest.mark.validate
 def test_the_environment_says_how_many_threads_where_nobody_else_does(number):
     code = (
         "from taichi_disk import engine, runtime; runtime.start();"

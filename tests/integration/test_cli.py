@@ -367,10 +367,11 @@ def test_a_folder_of_that_name_hides_no_shipped_scene(tmp_path, monkeypatch, cap
     "environment",
     [
         {"HOME": None, "MPLBACKEND": "bogus"},
-        pytest.param({"PYTHONWARNINGS": "error"}, marks=pytest.mark.validate),
-        pytest.param({"HOME": "/proc/no/home"}, marks=pytest.mark.validate),
+        {"PYTHONWARNINGS": "error"},
+        {"HOME": "/proc/no/home"},
     ],
 )
+@pytest.mark.validate
 def test_in_a_strange_environment_a_run_is_the_same_and_its_wall_clock_adds_up(
     tmp_path, environment, drawn_plots
 ):
@@ -454,6 +455,7 @@ def test_a_broken_cache_of_kernels_takes_no_printed_result_with_it():
     assert done.stdout == "restitution\n" and done.returncode < 0
 
 
+@pytest.mark.validate
 def test_a_folder_for_kernels_that_no_later_run_finds_is_removed(tmp_path):
     environment = {**os.environ, "HOME": "/proc/none", "TMPDIR": str(tmp_path / "t")}
     environment.pop("TI_OFFLINE_CACHE_FILE_PATH", None)

@@ -107,6 +107,7 @@ def test_npz_holds_every_quantity_at_every_time(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["trajectory.npz"]
 
 
+@pytest.mark.validate
 def test_npz_has_one_array_at_a_time_in_memory_however_many_frames(tmp_path):
     def peak(frames):
         tracemalloc.start()
@@ -361,6 +362,7 @@ def test_an_export_replaces_an_earlier_one_and_leaves_nothing_half(tmp_path, for
     } == content
 
 
+@pytest.mark.validate
 def test_the_energies_of_a_real_run_are_those_of_its_time_series(kernels, tmp_path):
     changes = [
         "lattice.points=60",

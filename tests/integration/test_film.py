@@ -179,6 +179,7 @@ def test_the_bytes_of_a_film_do_not_depend_on_what_lay_in_memory(tmp_path, suffi
 
 
 @needs_vulkan
+@pytest.mark.validate
 def test_scales_and_pictures_come_from_one_replay(run, tmp_path, monkeypatch):
     asked = []
 
@@ -265,6 +266,7 @@ def test_a_disk_that_flies_aside_stays_whole_in_the_film_and_the_wall_spans_it(
 
 
 @needs_vulkan
+@pytest.mark.validate
 def test_an_arrow_of_any_force_ends_in_the_picture(tmp_path, monkeypatch):
     # A rod that falls on its side is bent most between two hits, during which the force
     # is far larger.
@@ -430,6 +432,7 @@ def test_an_unknown_moment_is_refused_with_the_list_of_known_ones(run, tmp_path,
 
 
 @needs_vulkan
+@pytest.mark.validate
 def test_a_picture_of_a_comparison_shows_the_whole_of_a_disk_that_has_left_already(
     tmp_path,
 ):
@@ -450,6 +453,7 @@ def test_a_picture_of_a_comparison_shows_the_whole_of_a_disk_that_has_left_alrea
 
 
 @needs_vulkan
+@pytest.mark.validate
 def test_a_faster_disk_stays_whole_in_a_comparison_to_the_end(tmp_path):
     slow, fast = (
         api.run(
@@ -467,6 +471,7 @@ def test_a_faster_disk_stays_whole_in_a_comparison_to_the_end(tmp_path):
 
 
 @needs_vulkan
+@pytest.mark.validate
 def test_a_small_compression_is_visible_with_magnified_displacements(tmp_path):
     pressed = api.run(
         load_scene("compression", ["lattice.points=60", "compression.method=newton"]),
@@ -668,6 +673,7 @@ def test_the_greatest_compression_of_a_spinning_disk_is_where_it_turns_back(
 
 
 @needs_vulkan
+@pytest.mark.validate
 def test_the_film_of_a_loading_shows_the_fraction_of_the_load_and_moves_without_a_leap(
     tmp_path, captions
 ):
@@ -708,6 +714,7 @@ def test_the_film_of_a_compression_on_a_soft_wall_shows_the_disk_from_its_start(
 
 
 @needs_vulkan
+@pytest.mark.validate
 def test_curves_without_room_beside_a_small_film_are_left_out(tmp_path):
     result = api.run(load_scene("exponential_wall", ["lattice.points=20"]), lattices=1)
     for size, width in ((64, 64), (358, 358), (360, 640)):
@@ -720,24 +727,19 @@ def test_curves_without_room_beside_a_small_film_are_left_out(tmp_path):
 @pytest.mark.parametrize(
     "scene",
     [
-        pytest.param(
-            [
-                "absorbing_wall",
-                "material.eta_star=2",
-                "wall.points=40",
-                "wall.width=3",
-                "impact.velocity=0.05",
-            ],
-            marks=pytest.mark.validate,
-        ),
+        [
+            "absorbing_wall",
+            "material.eta_star=2",
+            "wall.points=40",
+            "wall.width=3",
+            "impact.velocity=0.05",
+        ],
         ["compression", "compression.method=newton"],
-        pytest.param(
-            ["exponential_wall", "wall.a=20", "impact.velocity=0.002"],
-            marks=pytest.mark.validate,
-        ),
+        ["exponential_wall", "wall.a=20", "impact.velocity=0.002"],
     ],
     ids=["all energies", "load", "powers of ten"],
 )
+@pytest.mark.validate
 def test_no_word_beside_the_curves_of_a_small_film_is_cut(tmp_path, scene):
     result = api.run(
         load_scene(scene[0], [*scene[1:], "lattice.points=30"]), lattices=1
@@ -819,6 +821,7 @@ def test_a_film_without_flight_shows_the_run_alone(run, tmp_path, captions):
         (["material.eta_star=10", "impact.spin=0.1", "material.dashpot=axial"], True),
     ],
 )
+@pytest.mark.validate
 def test_a_disk_flies_before_the_run_only_if_it_would_keep_its_spin(settings, flies):
     scene = load_scene("exponential_wall", ["lattice.points=60", *settings])
     outcome = api.run(scene, lattices=1)

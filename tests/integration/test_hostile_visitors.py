@@ -124,7 +124,8 @@ async def until(condition: Callable[[], object]) -> None:
     raise AssertionError("it does not come to that")
 
 
-@pytest.mark.parametrize("count", [20, pytest.param(100, marks=pytest.mark.validate)])
+@pytest.mark.parametrize("count", [20, 100])
+@pytest.mark.validate
 def test_a_crowd_that_comes_at_once_is_served_and_one_of_it_plays(
     audience: Audience, count: int
 ) -> None:
@@ -143,7 +144,8 @@ def test_a_crowd_that_comes_at_once_is_served_and_one_of_it_plays(
     visited(audience, act)
 
 
-@pytest.mark.parametrize("count", [30, pytest.param(300, marks=pytest.mark.validate)])
+@pytest.mark.parametrize("count", [30, 300])
+@pytest.mark.validate
 def test_a_page_that_is_reloaded_again_and_again_leaves_nothing_behind(
     audience: Audience, count: int
 ) -> None:
@@ -163,6 +165,7 @@ def test_a_page_that_is_reloaded_again_and_again_leaves_nothing_behind(
 
 
 @pytest.mark.parametrize("claims_to_draw", [False, True])
+@pytest.mark.validate
 def test_a_player_who_reads_nothing_gets_no_queue_and_must_give_way(
     audience: Audience, monkeypatch: pytest.MonkeyPatch, claims_to_draw: bool
 ) -> None:
@@ -376,6 +379,7 @@ def test_an_empty_host_does_not_listen_everywhere() -> None:
         server._listen("", 0)
 
 
+@pytest.mark.validate
 def test_a_browser_in_the_foreground_does_not_hold_up_the_server(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

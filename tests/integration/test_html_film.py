@@ -126,6 +126,7 @@ def test_240_states_of_1099_points_take_less_than_3_mb(tmp_path):
     assert packed(path)[0]["runs"][0]["states"] > 180 and path.stat().st_size < 3e6
 
 
+@pytest.mark.validate
 def test_a_film_needs_no_vulkan(tmp_path, monkeypatch):
     monkeypatch.setattr(
         "taichi_disk.render.film.require_film",

@@ -82,7 +82,13 @@ def test_eight_lattices_are_computed_up_to_5000_points(monkeypatch):
     ("kind", "keys", "count", "reason"),
     [
         ("exponential_wall", {"time.tolerance": 1e-3}, 3, "a tolerance"),
-        ("compression", {"compression.method": "relaxation"}, 3, "a relaxation"),
+        pytest.param(
+            "compression",
+            {"compression.method": "relaxation"},
+            3,
+            "a relaxation",
+            marks=pytest.mark.validate,
+        ),
         ("compression", {"compression.method": "newton"}, 8, ""),
     ],
 )
@@ -156,6 +162,7 @@ def test_the_number_of_lattices_must_be_whole(count):
         run(load_scene("exponential_wall").with_(SMALL), lattices=count)
 
 
+@pytest.mark.validate
 def test_screen_card_and_plot_begin_with_the_mean_and_the_scatter(tmp_path, capsys):
     out = str(tmp_path / "run")
     keys = [f"--set={name}={value}" for name, value in SMALL.items()]

@@ -17,7 +17,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import nbformat
 import numpy as np
 import pytest
 
@@ -66,6 +65,7 @@ async def until(condition: Callable[[], object]) -> None:
     raise AssertionError("it does not come to that")
 
 
+@pytest.mark.validate
 def test_a_widget_is_played_with_while_cells_compute(tmp_path: Path) -> None:
     async def act(sandbox: Any, say: Callable[..., None], sent: list[Any]) -> None:
         say("speed", value=10.0)
@@ -85,6 +85,7 @@ def test_a_widget_is_played_with_while_cells_compute(tmp_path: Path) -> None:
     played(SETTINGS, act)
 
 
+@pytest.mark.validate
 def test_a_widget_begins_anew_after_the_user_s_own_init_and_says_so() -> None:
     code = f"""
 import asyncio, json
@@ -127,6 +128,7 @@ asyncio.run(notebook())
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.validate
 def test_a_widget_of_no_scene_says_so_once() -> None:
     code = """
 import asyncio
@@ -141,6 +143,7 @@ asyncio.run(notebook())
     assert "typo: no such file" in done.stderr and done.stderr.count("Traceback") == 1
 
 
+@pytest.mark.validate
 def test_a_message_that_another_thread_delivers_is_obeyed_at_once() -> None:
     async def act(sandbox: Any, say: Callable[..., None], sent: list[Any]) -> None:
         def press_and_wait() -> None:
@@ -221,6 +224,8 @@ JUPYTERLAB = (
 @pytest.mark.validate
 @pytest.mark.skipif(bool(JUPYTERLAB), reason=JUPYTERLAB)
 def test_in_jupyterlab_a_widget_is_played_with(tmp_path: Path) -> None:
+    import nbformat  # 2 s
+
     code = (
         "from taichi_disk.notebook import Sandbox\nSandbox('exponential_wall',"
         f" {SETTINGS})"
@@ -324,6 +329,7 @@ def test_a_film_is_shown_inline_with_controls_and_leaves_no_file(
         result.show(sise=64)
 
 
+@pytest.mark.validate
 def test_a_sweep_shows_its_fits_and_gives_a_figure_and_a_table(
     tmp_path: Path, monkeypatch: Any
 ) -> None:
@@ -397,6 +403,7 @@ NOTEBOOKS = sorted((Path(__file__).parents[2] / "docs/notebooks").glob("*.ipynb"
 def test_notebooks_run_and_print_nothing_that_is_not_theirs(
     path: Path, tmp_path: Path
 ) -> None:
+    import nbformat  # 2 s
     from nbclient import NotebookClient
 
     notebook = nbformat.read(path, 4)

@@ -67,6 +67,7 @@ def test_an_old_result_outlives_the_user_s_own_init_and_reset(tmp_path):
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.validate
 def test_an_engine_started_with_other_settings_is_refused_with_the_line_to_write(
     tmp_path,
 ):
@@ -84,6 +85,7 @@ def test_an_engine_started_with_other_settings_is_refused_with_the_line_to_write
     )
 
 
+@pytest.mark.validate
 def test_an_architecture_from_the_environment_changes_nothing(tmp_path):
     done = python(
         tmp_path,
@@ -113,15 +115,10 @@ def test_an_architecture_from_the_environment_changes_nothing(tmp_path):
             "--lattices=1",
             "--set=lattice.points=20",
         ),
-        pytest.param(
-            (
-                "-c",
-                (
-                    "import taichi_disk.physics, time\nfrom taichi_disk.engine import"
-                    " ti\nti.init()\ntime.sleep(0.3)"
-                ),
-            ),
-            marks=pytest.mark.validate,
+        (
+            "-c",
+            "import taichi_disk.physics, time\nfrom taichi_disk.engine import"
+            " ti\nti.init()\ntime.sleep(0.3)",
         ),
     ],
 )

@@ -256,6 +256,7 @@ def test_messages_that_no_page_sends_are_ignored_and_counted(session: Session) -
     assert audience.ignored == len(bad) and session.sandbox.scene is before
 
 
+@pytest.mark.validate
 def test_no_message_makes_an_error(session: Session) -> None:
     choose = random.Random(2)
     values = [
@@ -323,6 +324,7 @@ def test_no_message_makes_an_error(session: Session) -> None:
     assert len(session.state) > HEADER.size
 
 
+@pytest.mark.validate
 def test_a_slider_that_is_held_while_the_scene_changes_is_let_be(
     session: Session,
 ) -> None:
@@ -406,6 +408,7 @@ def test_the_page_s_modules_parse_and_read_a_state_as_it_was_packed(
     assert caption.startswith("t = ")
 
 
+@pytest.mark.validate
 def test_the_panel_shows_every_warning_of_a_run_and_whether_the_user_interfered(
     session: Session,
 ) -> None:
@@ -427,6 +430,7 @@ def test_the_panel_shows_every_warning_of_a_run_and_whether_the_user_interfered(
     ].startswith("same")
 
 
+@pytest.mark.validate
 def test_picture_and_curves_stay_while_the_scene_is_computed_again(
     kernels: KernelCache,
 ) -> None:
@@ -460,6 +464,7 @@ def test_picture_and_curves_stay_while_the_scene_is_computed_again(
     assert session.sandbox.time.display.t > t
 
 
+@pytest.mark.validate
 def test_a_curve_is_collected_by_itself_and_stops_when_asked(session: Session) -> None:
     say(session, "collect")
     while len(session.sandbox.results) < 2:
@@ -488,6 +493,7 @@ def test_a_curve_is_collected_by_itself_and_stops_when_asked(session: Session) -
     assert panel(session)["results"] == []
 
 
+@pytest.mark.validate
 def test_the_colour_scale_is_known_before_the_throw_and_doubles_at_most(
     session: Session,
 ) -> None:
@@ -634,6 +640,7 @@ def test_the_first_visitor_plays_the_next_one_follows_and_the_last_one_pauses(
     asyncio.run(visit())
 
 
+@pytest.mark.validate
 def test_the_player_saves_a_film_of_the_scene_and_watchers_do_not(
     session: Session,
 ) -> None:
@@ -744,6 +751,7 @@ def test_an_error_in_a_command_is_named_and_everybody_goes_on(
         session.advance()
 
 
+@pytest.mark.validate
 def test_names_that_are_not_utf_8_reach_every_page(
     kernels: KernelCache, tmp_path: Path
 ) -> None:
@@ -860,6 +868,7 @@ def ended(program: subprocess.Popen[str], number: int = signal.SIGTERM) -> str:
     return said
 
 
+@pytest.mark.validate
 def test_a_signal_right_after_the_address_ends_the_program(
     served: tuple[subprocess.Popen[str], str],
 ) -> None:

@@ -43,7 +43,7 @@ def pictured(path):
 @pytest.mark.parametrize(
     ("name", "read"),
     [
-        ("a.mp4", streamed),
+        pytest.param("a.mp4", streamed, marks=pytest.mark.validate),
         ("a.webm", streamed),
         ("a.gif", pictured),
         ("a.png", pictured),

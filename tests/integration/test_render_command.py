@@ -49,6 +49,7 @@ def runs(tmp_path_factory):
 
 
 @needs_vulkan
+@pytest.mark.validate
 def test_filmed_again_a_film_is_the_same_and_the_results_stay(runs):
     before = {path.name: path.read_bytes() for path in runs[0].iterdir()}
     assert main(["render", str(runs[0])]) == 0
@@ -57,6 +58,7 @@ def test_filmed_again_a_film_is_the_same_and_the_results_stay(runs):
 
 
 @needs_vulkan
+@pytest.mark.validate
 def test_two_runs_are_shown_side_by_side(runs, tmp_path):
     path = tmp_path / "both.png"
     assert (

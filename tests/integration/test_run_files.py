@@ -164,6 +164,7 @@ def test_a_picture_that_fails_takes_no_result_with_it(tmp_path, monkeypatch):
     ]
 
 
+@pytest.mark.validate
 def test_an_export_that_fails_takes_no_result_with_it(tmp_path, monkeypatch, capsys):
     def fails(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -342,6 +343,7 @@ def test_the_saved_scene_is_the_scene_with_every_default_and_repeats_the_run_bit
     assert {name for name in before if after[name] != before[name]} == {"summary.json"}
 
 
+@pytest.mark.validate
 def test_the_spectrum_is_looked_for_once_and_rows_are_as_far_apart_as_asked(
     monkeypatch, tmp_path
 ):

@@ -215,6 +215,7 @@ def test_a_second_signal_ends_a_command_at_once_but_two_together_are_one():
     assert child.wait(timeout=10) == INTERRUPTED
 
 
+@pytest.mark.validate
 def test_a_second_signal_ends_a_command_that_waits_for_its_scene(tmp_path):
     os.mkfifo(tmp_path / "scene")
     command = [sys.executable, "-m", "taichi_disk", "check", "scene"]

@@ -135,7 +135,9 @@ def test_a_kind_of_scene_that_has_no_figure_is_swept_all_the_same(
     )
 
 
-@pytest.mark.parametrize("text", [SMALL, WALL, PRESSED])
+@pytest.mark.parametrize(
+    "text", [SMALL, WALL, pytest.param(PRESSED, marks=pytest.mark.validate)]
+)
 def test_a_row_is_what_running_its_scene_gives_bit_for_bit(
     text: str, small: SweepResult, tmp_path: Path
 ) -> None:
@@ -287,6 +289,7 @@ def test_a_lattice_file_is_read_again_if_it_has_changed(tmp_path: Path) -> None:
         ({"scene": "compression"}, "xi"),  # for which the free disk relaxes first
     ],
 )
+@pytest.mark.validate
 def test_a_row_of_a_strained_lattice_is_what_running_its_scene_gives_at_any_k_b(
     scene: dict[str, Any], result: str, tmp_path: Path
 ) -> None:
@@ -367,6 +370,7 @@ def test_a_result_that_cannot_be_read_is_named_in_one_clear_error(
     assert table(tmp_path / "out") == table(small.out)
 
 
+@pytest.mark.validate
 def test_a_folder_of_a_run_or_of_a_person_is_not_touched(tmp_path: Path) -> None:
     scene = load_scene(
         "compression", ["lattice.points=30", "compression.method=newton"]

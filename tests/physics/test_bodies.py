@@ -45,6 +45,7 @@ def test_observables_are_weighted_with_mass(kernels):
 @pytest.mark.parametrize(
     ("eta", "integrator"), [(0.0, VELOCITY_VERLET), (0.3, TRAPEZOIDAL)]
 )
+@pytest.mark.validate
 def test_a_free_body_of_non_uniform_masses_keeps_its_momentum(eta, integrator, kernels):
     lattice = non_uniform(disk(60, height=1.0), 0.2, 3.0)
     (x, v), m = shaken(lattice, 0, 0.01), lattice.masses
@@ -79,6 +80,7 @@ def test_a_heavy_core_makes_a_spinning_disk_turn_slower_for_the_same_angular_mom
     )
 
 
+@pytest.mark.validate
 def test_the_softest_vibration_of_a_composite_has_the_frequency_of_its_matrices(
     kernels,
 ):

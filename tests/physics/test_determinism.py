@@ -47,6 +47,7 @@ def test_replayed_moments_are_those_of_the_run_whatever_the_kernels_do_meanwhile
     assert_array_equal(v, outcome.velocities)
 
 
+@pytest.mark.validate
 def test_a_simulation_goes_on_from_a_saved_state_with_the_same_bits(kernels):
     lattice = disk_and_wall(60, 80, height=0.05)
     model = Model(Springs(1.0, 1.0, 0.2), ELASTIC, boundary=matched(lattice))

@@ -171,6 +171,7 @@ def test_losses_are_recorded_where_they_occur(kernels):
     )
 
 
+@pytest.mark.validate
 def test_the_energy_that_a_point_loses_by_sliding_over_the_bent_wall_is_recorded(
     kernels,
 ):

@@ -208,6 +208,7 @@ def test_every_row_of_a_loading_is_an_equilibrium_of_plain_numpy(loading):
     )
 
 
+@pytest.mark.validate
 def test_the_load_s_work_is_stored_and_the_potential_s_slope_is_the_centre_s_height():
     # dV/dP = y_cm for V = U + P y_cm (Hellmann and Feynman), and dU = -P dy_cm; by the
     # trapezoidal rule.
@@ -324,6 +325,7 @@ def test_relaxation_comes_to_newtons_rest(settings, rolls, kernels):
     )
 
 
+@pytest.mark.validate
 def test_a_compression_within_a_tolerance_ends_as_near_to_newtons_rest(kernels):
     """Without `time.tolerance` it counts as at rest while the end of the roll still
     changes xi by 3e-7 R."""

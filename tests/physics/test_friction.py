@@ -264,7 +264,7 @@ def test_where_points_stick_errors_fall_as_the_square_of_the_step_on_average(
     )
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.validate)])
 def test_a_slow_throw_is_that_of_a_rigid_disk(seed, kernels):
     # On a wall that is softer than the disk the contact lasts long. What sticks then
     # rolls: the impulse that stops the lowest point, v_t + omega R = 0, is -(v_t +

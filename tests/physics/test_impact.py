@@ -165,6 +165,7 @@ def test_custom_velocities_give_the_run_of_a_scene_with_their_speed(kernels):
     assert_array_equal(columns[0]["wall_force"], columns[1]["wall_force"])
 
 
+@pytest.mark.validate
 def test_a_spinning_custom_body_bounces_as_in_dop853(kernels):
     # A round piece of a hexagonal lattice; two springs are too long for their place, so
     # it starts strained.

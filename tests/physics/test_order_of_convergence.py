@@ -52,8 +52,7 @@ FAST = {
     ("rigid", 0.0, VV),
     ("rigid", 0.0, VEFRL),
     ("rigid", 0.0, TAKAHASHI_IMADA),
-    ("non-uniform compression", ETA, TRAPEZOIDAL),
-    ("reset", 0.0, VV),
+    ("rigid", ETA, TRAPEZOIDAL),
 }
 SCENES = ["compression", "rigid", "reset", "pinned", "matched"]
 WAYS = [(0.0, VV), (ETA, VV), (ETA, TRAPEZOIDAL), (0.0, VEFRL)]

@@ -93,6 +93,7 @@ def test_energy_of_the_elastic_wall_is_none_of_the_disk_s_modes():
 @pytest.mark.parametrize(
     "body", [disk(60), non_uniform(disk(60))], ids=["like", "non-uniform"]
 )
+@pytest.mark.validate
 def test_a_state_is_made_of_the_modes_that_it_was_made_from(body):
     springs, small = Springs(), 1e-6
     all_modes = modes(body, springs, body.positions, np.zeros((60, 2)), 117)

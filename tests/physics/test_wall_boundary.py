@@ -47,6 +47,7 @@ def restitution(kernels, *settings):
     return scenario.result(outcome.columns)["restitution"]
 
 
+@pytest.mark.validate
 def test_a_pinned_wall_reflects_and_a_matched_one_absorbs(kernels):
     assert 0.97 < restitution(kernels, "wall.boundary=pinned") <= 1.0
     # The waves carry away a third to a half of the energy (e = 0.76 to 0.44 between the

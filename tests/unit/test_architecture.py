@@ -8,11 +8,23 @@ import re
 import subprocess
 import sys
 from collections import defaultdict
+from functools import cache
 from graphlib import TopologicalSorter
+from itertools import chain
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
+PACKAGE = ROOT / "taichi_disk"
 MAX_CONTENT = 3700  # nodes of a file
+
+
+@cache
+def nodes_of_files():
+    """Return the nodes of each file's syntax tree, by path. The first is the module."""
+    return {
+        path: list(ast.walk(ast.parse(path.read_text())))
+        for path in PACKAGE.rglob("*.py")
+    }
 
 
 def test_imports_go_one_way():
@@ -25,54 +37,48 @@ def test_imports_go_one_way():
     assert done.returncode == 0, done.stdout[-3000:]
 
 
+def module_name(path):
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts).removesuffix(".__init__")
+
+
+def imported_modules(node, modules):
+    """Return those of `modules` that the statement `from … import …` needs."""
+    found = set()
+    for alias in node.names:
+        name = f"{node.module}.{alias.name}"
+        if name in modules:
+            found.add(name)
+        elif node.module in modules:
+            found.add(node.module)
+    return found
+
+
 def test_no_imports_go_in_a_circle():
     # Imports between files, including those within functions and for types only.
-    files = (ROOT / "taichi_disk").rglob("*.py")
-    names = {
-        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(
-            ".__init__"
-        ): path
-        for path in files
-    }
+    nodes = {module_name(path): found for path, found in nodes_of_files().items()}
     graph = {}
-    for name, path in names.items():
-        imports = [
-            node
-            for node in ast.walk(ast.parse(path.read_text()))
-            if isinstance(node, ast.ImportFrom)
-        ]
-        found = [
-            (node.module, f"{node.module}.{alias.name}")
-            for node in imports
-            for alias in node.names
-        ]
-        graph[name] = {
-            one if one in names else module for module, one in found
-        } & names.keys()
+    for name, found in nodes.items():
+        graph[name] = set()
+        for node in found:
+            if isinstance(node, ast.ImportFrom):
+                graph[name] |= imported_modules(node, nodes)
     assert len(graph) > 50 and "taichi_disk.errors" in graph["taichi_disk.cli"]
     TopologicalSorter(graph).prepare()  # raises CycleError, with the circle
 
 
-def content(path):
-    """Return the number of nodes of a file's syntax tree: what a reader has to
-    understand, however the lines are broken."""
-    return sum(1 for _ in ast.walk(ast.parse(path.read_text())))
-
-
 def test_files_and_the_top_folder_stay_small():
-    files = (ROOT / "taichi_disk").rglob("*.py")
-    large = {str(path): content(path) for path in files if content(path) > MAX_CONTENT}
-    assert large == {}
-    assert len(list((ROOT / "taichi_disk").glob("*.py"))) <= 11
+    # Content is the number of nodes of a file's syntax tree: what a reader has to
+    # understand, however the lines are broken.
+    content = {str(path): len(found) for path, found in nodes_of_files().items()}
+    assert {path: n for path, n in content.items() if n > MAX_CONTENT} == {}
+    assert len(list(PACKAGE.glob("*.py"))) <= 11
 
 
 def test_every_package_is_in_an_installation():
     # An editable installation has all packages, even if the list misses some. (The
     # scene files are a package without a folder.)
-    folders = {
-        path.parent.relative_to(ROOT)
-        for path in (ROOT / "taichi_disk").rglob("__init__.py")
-    }
+    folders = {path.parent.relative_to(ROOT) for path in PACKAGE.rglob("__init__.py")}
     listed = (
         (ROOT / "pyproject.toml").read_text().split("\npackages = [")[1].split("]")[0]
     )
@@ -90,8 +96,7 @@ def writes_from_other_rooms():
     Kernels are left out, because their fields are memory for all of them.
     """
     trees = {
-        path.relative_to(ROOT / "taichi_disk"): ast.parse(path.read_text())
-        for path in (ROOT / "taichi_disk").rglob("*.py")
+        path.relative_to(PACKAGE): found[0] for path, found in nodes_of_files().items()
     }
     rooms_of = defaultdict(set)
     for path, tree in trees.items():
@@ -214,11 +219,7 @@ MOST = {
 
 
 def test_statements_hold_one_thought():
-    nodes = [
-        node
-        for path in (ROOT / "taichi_disk").rglob("*.py")
-        for node in ast.walk(ast.parse(path.read_text()))
-    ]
+    nodes = list(chain.from_iterable(nodes_of_files().values()))
     found = {name: sum(map(is_one, nodes)) for name, is_one in HABITS.items()}
     assert {name: n for name, n in found.items() if n > MOST[name]} == {}
     # The bounds are not looser than what is reached.

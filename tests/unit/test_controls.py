@@ -77,6 +77,7 @@ def test_the_keys_for_points_keep_the_viscosity_of_the_body(controls: Controls) 
     assert sandbox.scene.material.viscosity == MIN_VISCOSITY["material.viscosity"]
 
 
+@pytest.mark.validate
 def test_a_collected_curve_spans_a_factor_of_30_in_even_ratios(
     controls: Controls,
 ) -> None:

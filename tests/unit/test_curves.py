@@ -162,6 +162,7 @@ def test_one_lattice_does_not_tell_whether_a_law_holds() -> None:
     assert fit.rms > 1e-3 and np.isnan(fit.misfit) and fit.holds
 
 
+@pytest.mark.validate
 def test_print_and_figure_say_of_a_law_that_misses_the_points_that_it_does_not_hold(
     tmp_path: Path,
 ) -> None:
@@ -259,6 +260,7 @@ def thrown(eta_star: float, name: str = "eta_star") -> list[dict[str, Any]]:
     ]
 
 
+@pytest.mark.validate
 def test_eq_4_is_fitted_where_there_are_dashpots_swept_or_not() -> None:
     axes = ["eta_star", "seed", "velocity"]
     soft, stiff = analyse(

@@ -133,6 +133,7 @@ def test_a_disk_in_the_wall_is_detected():
     assert found(-0.03 - 2.4 * depth, wall)
 
 
+@pytest.mark.validate
 def test_a_disk_that_goes_through_the_wall_ends_a_run(kernels):
     with pytest.raises(
         BlowUp,

@@ -12,6 +12,7 @@ from taichi_disk import doctor, engine
 from taichi_disk.cli import main
 
 
+@pytest.mark.validate
 def test_a_ready_machine_is_reported_ready_and_nothing_is_left_behind(
     tmp_path, monkeypatch, capsys
 ):
@@ -26,6 +27,7 @@ def test_a_ready_machine_is_reported_ready_and_nothing_is_left_behind(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.validate
 def test_files_of_the_working_folder_change_nothing(tmp_path, monkeypatch, capsys):
     for name in ("random", "copy", "queue", "yaml"):
         tmp_path.joinpath(f"{name}.py").write_text("open('RUN', 'w').close(); 1 / 0")

@@ -93,6 +93,7 @@ def test_a_step_beyond_the_limit_is_refused_with_the_limit_named_unless_forced(k
         assert driver_of(kernels, *IMPACT, f"time.dt={dt}", force=force).step.dt == dt
 
 
+@pytest.mark.validate
 def test_triangles_turned_inside_out_are_counted_with_a_warning(kernels):
     small = (*IMPACT, "lattice.points=30")
     scenario, gentle = computed(kernels, *small)

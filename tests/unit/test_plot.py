@@ -140,6 +140,7 @@ def test_a_loading_shows_load_and_energy_against_the_compression_and_the_law(
     )
 
 
+@pytest.mark.validate
 def test_no_law_is_drawn_for_custom_points_whose_moduli_are_unknown(
     kernels, tmp_path, figures
 ):
@@ -151,6 +152,7 @@ def test_no_law_is_drawn_for_custom_points_whose_moduli_are_unknown(
     ] == ["equilibria"]
 
 
+@pytest.mark.validate
 def test_plots_by_threads_with_other_styles_and_by_another_process_have_the_same_bytes(
     impact, tmp_path, monkeypatch
 ):

@@ -235,6 +235,7 @@ def test_a_run_of_a_saved_scene_gives_what_was_seen_of_a_disk_turned_by_hand(
     assert sandbox.results[-1].turn == scene.impact.turn
 
 
+@pytest.mark.validate
 def test_a_row_of_the_table_tells_throws_of_different_lattices_apart(
     kernels: KernelCache,
 ) -> None:
@@ -280,6 +281,7 @@ def test_time_passes_at_the_speed_asked_for_in_whole_steps_and_slowly_in_contact
     assert sandbox.pace == SLOWDOWN * sandbox.speed
 
 
+@pytest.mark.validate
 def test_many_states_are_remembered_evenly_also_across_changes(
     kernels: KernelCache,
 ) -> None:
@@ -560,6 +562,7 @@ def test_no_scene_of_the_list_is_computed_again(
         assert sandbox.time.lead <= 0.0, sandbox.message
 
 
+@pytest.mark.validate
 def test_a_row_of_the_table_can_be_removed(kernels: KernelCache) -> None:
     sandbox = opened(kernels)
     row = Experiment._make([None] * len(Experiment._fields))

@@ -297,6 +297,7 @@ def test_a_whole_number_of_steps_fits_the_reset_interval(interval):
 # ---- tolerances, in scenes
 
 
+@pytest.mark.validate
 def test_a_small_tolerance_is_reached_from_a_first_step_that_is_far_too_long(kernels):
     strong = (
         "exponential_wall",
@@ -371,6 +372,7 @@ CHAOTIC = (
 )
 
 
+@pytest.mark.validate
 def test_no_tolerance_is_granted_to_a_chaotic_impact(kernels):
     # Estimates at ever shorter steps were 1.0, 2.6, 3.8, 2.1, 0.5, 1.4e-2, and then one
     # below the tolerance by chance.

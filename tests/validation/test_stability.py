@@ -22,6 +22,7 @@ LONG = pytest.mark.validate
         for case in CASES
     ],
 )
+@pytest.mark.validate
 def test_a_hard_case_ends_as_it_should(case: Case, kernels: KernelCache) -> None:
     assert case.failings(case.judge(kernels)) == []
 
