@@ -33,8 +33,10 @@ from taichi_disk.physics import (
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.observables import as_columns
 
-A, V0 = 300.0, 150.0
-RIGID, ELASTIC = ExponentialWall(A, V0), ElasticWall(A, V0, 0.1)
+A = 300.0
+V0 = 150.0
+RIGID = ExponentialWall(A, V0)
+ELASTIC = ElasticWall(A, V0, 0.1)
 RESET = 0.12  # time between two resets of a boundary [R/c]
 FREE = Model(Springs())
 FALLING = Model(Springs(1.0, 1.0), RIGID)  # no dashpots
@@ -100,7 +102,8 @@ def holes_of(lattice):
     _, part = connected_components(
         coo_matrix((np.ones(len(side)), side.T), shape=2 * [len(lattice.masses)])
     )
-    rings, x = [part[lattice.disk_surface[0]]], lattice.positions
+    rings = [part[lattice.disk_surface[0]]]
+    x = lattice.positions
     inner = side[~np.isin(part[side[:, 0]], rings)]
     cross = (
         x[inner[:, 0], 0] * x[inner[:, 1], 1] - x[inner[:, 0], 1] * x[inner[:, 1], 0]
@@ -113,7 +116,8 @@ def holes_of(lattice):
 
 def shaken(lattice, seed, amplitude):
     """Return the lattice's points displaced at random, and velocities of some 0.1 c."""
-    rng, shape = np.random.default_rng(seed), lattice.positions.shape
+    rng = np.random.default_rng(seed)
+    shape = lattice.positions.shape
     return lattice.positions + amplitude * rng.uniform(
         -1, 1, shape
     ), 0.1 * rng.standard_normal(shape)
@@ -129,11 +133,9 @@ def moving_down(lattice, speed):
 def non_uniform(lattice, least=0.8, most=1.25):
     """Return the lattice with random masses of the disk's points and random stiffness
     factors."""
-    rng, n, masses = (
-        np.random.default_rng(7),
-        lattice.disk_points,
-        lattice.masses.copy(),
-    )
+    rng = np.random.default_rng(7)
+    n = lattice.disk_points
+    masses = lattice.masses.copy()
     masses[:n] *= rng.uniform(least, most, n)
     masses[:n] /= masses[:n].sum()
     return replace(
@@ -151,9 +153,12 @@ def bouncing(scene, points, eta, height=0.05):
         return non_uniform(lattice), velocities, model
     speed = 0.05
     if scene == "compression":
-        lattice, speed, model = disk(points, height=0.045), 0.0, pressed(0.05, eta)
+        lattice = disk(points, height=0.045)
+        speed = 0.0
+        model = pressed(0.05, eta)
     elif scene == "rigid":
-        lattice, model = disk(points, height=height), damped(eta)
+        lattice = disk(points, height=height)
+        model = damped(eta)
     else:
         lattice = disk_and_wall(points, points + 20, height)
         boundary = {
@@ -176,7 +181,8 @@ def advance(simulation, steps, stride=1):
     """Return the time series of `steps` more steps, beginning with the state at t = 0
     if there were none before."""
     first = simulation.first_row[None][: int(simulation.step_number == 0)]
-    start, interval = simulation.time, stride * simulation.dt
+    start = simulation.time
+    interval = stride * simulation.dt
     columns = as_columns(
         np.concatenate([first, simulation.advance(steps, stride)[0]]), interval
     )

@@ -157,7 +157,10 @@ class Browser:
         return bool(self.script(f"return {one}.checkVisibility()"))
 
     def downloaded(self, name: str) -> Path | None:
-        return path if (path := Path(self._folder.name, name)).exists() else None
+        path = Path(self._folder.name, name)
+        if path.exists():
+            return path
+        return None
 
     # ---- what a user does
 
@@ -257,7 +260,8 @@ class Firefox(Browser):
         options.set_preference("browser.download.dir", self._folder.name)
         options.set_preference("devtools.console.stdout.content", True)
         self._log = Path(self._folder.name, "geckodriver.log")
-        assert WHEEL and WHEEL.origin
+        assert WHEEL
+        assert WHEEL.origin
         driver = Path(WHEEL.origin).with_name(DRIVERS[platform.machine()])
         service = Service(str(driver), log_output=str(self._log))
         return webdriver.Firefox(options, service)

@@ -30,14 +30,16 @@ class Model:
     `model`."""
 
     def __init__(self, lattice, model):
-        kind, springs = type(model.wall).__name__, model.springs
-        self.bonds, self.rest, self.mass = (
-            lattice.bonds,
-            lattice.rest_lengths,
-            lattice.masses[:, None],
-        )
-        self.disk_points, self.disk_surface = lattice.disk_points, lattice.disk_surface
-        self.k_a, self.k_b, self.eta = springs.k_a, springs.k_b, springs.eta
+        kind = type(model.wall).__name__
+        springs = model.springs
+        self.bonds = lattice.bonds
+        self.rest = lattice.rest_lengths
+        self.mass = lattice.masses[:, None]
+        self.disk_points = lattice.disk_points
+        self.disk_surface = lattice.disk_surface
+        self.k_a = springs.k_a
+        self.k_b = springs.k_b
+        self.eta = springs.eta
         # missing in lattice.npz of a plain disk
         stiffness = getattr(lattice, "stiffness", None)
         self.factor = np.ones(len(lattice.bonds)) if stiffness is None else stiffness
@@ -53,31 +55,27 @@ class Model:
             getattr(model.wall, name, 0.0) for name in ("a", "V0", "threshold")
         )
         self.load = model.load.force if model.load else 0.0
-        self.boundary, self.impedance = (
-            lattice.wall_boundary,
-            getattr(model.boundary, "impedance", None),
-        )
+        self.boundary = lattice.wall_boundary
+        self.impedance = getattr(model.boundary, "impedance", None)
         self.pinned = type(model.boundary).__name__ == "PinnedBoundary"
 
     def contacts(self, x):
         """Return the contacts of the disk's surface points with the wall springs; every
         pair is tried."""
-        left, right = self.wall_surface[:-1], self.wall_surface[1:]
+        left = self.wall_surface[:-1]
+        right = self.wall_surface[1:]
         px = x[self.disk_surface, 0][:, None]
         row, spring = np.nonzero((x[left, 0] <= px) & (px < x[right, 0]))
         row, first = np.unique(row, return_index=True)
-        point, left, right = (
-            self.disk_surface[row],
-            left[spring[first]],
-            right[spring[first]],
-        )
-        t, away = x[right] - x[left], x[point] - x[left]
+        point = self.disk_surface[row]
+        left = left[spring[first]]
+        right = right[spring[first]]
+        t = x[right] - x[left]
+        away = x[point] - x[left]
         length = np.hypot(*t.T)
         normal = np.stack([-t[:, 1], t[:, 0]], axis=1) / length[:, None]
-        distance, lever = (
-            (away * normal).sum(axis=1),
-            (away * t).sum(axis=1) / length**2,
-        )
+        distance = (away * normal).sum(axis=1)
+        lever = (away * t).sum(axis=1) / length**2
         near = distance < self.threshold
         return Contacts(
             *(values[near] for values in (point, left, right, normal, distance, lever))
@@ -152,7 +150,8 @@ class Model:
             x, v = y.reshape(2, *shape)
             return np.concatenate([v, self.force(x, v) / self.mass]).ravel()
 
-        shape, y = x.shape, np.concatenate([x, v]).ravel()
+        shape = x.shape
+        y = np.concatenate([x, v]).ravel()
         span = times[0], times[-1]
         found = solve_ivp(
             rate, span, y, method="DOP853", rtol=rtol, atol=1e-3 * rtol, t_eval=times

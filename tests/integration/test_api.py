@@ -78,16 +78,15 @@ def test_states_are_those_of_the_time_series(result):
     )
     state = result.state(times[3])
     assert state.t == times[3]
-    assert (state.positions == x[3]).all() and (state.velocities == v[3]).all()
+    assert (state.positions == x[3]).all()
+    assert (state.velocities == v[3]).all()
 
 
 def test_a_field_is_that_of_its_state(result):
     tightest = result.series["t"][result.series["elastic"].argmax()]
     strain = result.field("strain", tightest)
-    assert (
-        strain.on == "springs"
-        and strain.values.shape == result.lattice.rest_lengths.shape
-    )
+    assert strain.on == "springs"
+    assert strain.values.shape == result.lattice.rest_lengths.shape
     x = result.state(tightest).positions
     i, j = result.lattice.bonds.T
     expected = np.hypot(*(x[i] - x[j]).T) / result.lattice.rest_lengths - 1
@@ -96,22 +95,16 @@ def test_a_field_is_that_of_its_state(result):
 
 def test_at_points_a_field_is_the_mean_of_the_triangles_around_each(result):
     state = result.greatest_compression
-    pressure, own = (
-        result.field("pressure", state.t, at="points"),
-        result.field("pressure", state.t),
-    )
+    pressure = result.field("pressure", state.t, at="points")
+    own = result.field("pressure", state.t)
     corners = state.positions[result.lattice.triangles]
-    (ax, ay), (bx, by) = (
-        (corners[:, 1] - corners[:, 0]).T,
-        (corners[:, 2] - corners[:, 0]).T,
-    )
+    ax, ay = (corners[:, 1] - corners[:, 0]).T
+    bx, by = (corners[:, 2] - corners[:, 0]).T
     area = 0.5 * (ax * by - ay * bx)
     around = (result.lattice.triangles == 7).any(axis=1)
-    assert (
-        pressure.on == "points"
-        and pressure.values.shape == (60,)
-        and own.on == "triangles"
-    )
+    assert pressure.on == "points"
+    assert pressure.values.shape == (60,)
+    assert own.on == "triangles"
     assert pressure.values[7] == pytest.approx(
         np.average(own.values[around], weights=area[around]), rel=1e-10
     )
@@ -131,10 +124,8 @@ def test_the_disk_is_pushed_hardest_and_stands_lowest_at_the_greatest_compressio
 
 def test_the_time_series_is_a_table(result):
     table = result.dataframe()
-    assert (
-        list(table) == list(result.series)
-        and (table["com_y"] == result.series["com_y"]).all()
-    )
+    assert list(table) == list(result.series)
+    assert (table["com_y"] == result.series["com_y"]).all()
 
 
 def test_run_changes_keys_like_with_():
@@ -151,7 +142,8 @@ def test_a_state_is_drawn_in_the_colours_of_films_where_it_is(result):
         (artist for artist in axes.collections if isinstance(artist, TriMesh)),
         key=lambda artist: len(artist.get_facecolor()),
     )
-    state, shown = result.greatest_compression, result.lattice.triangles.ravel()
+    state = result.greatest_compression
+    shown = result.lattice.triangles.ravel()
     drawn = np.array([*field.get_paths()[0].vertices[:3]])
     assert (drawn == state.positions[shown[:3]]).all()
     values = result.field("pressure", state.t, at="points").values
@@ -161,25 +153,19 @@ def test_a_state_is_drawn_in_the_colours_of_films_where_it_is(result):
     level = np.abs(np.diff(table, axis=0)).max()  # Matplotlib rounds otherwise
     colours = table[places.astype(int)]
     np.testing.assert_allclose(field.get_facecolor()[:, :3], colours, atol=level)
-    assert (
-        "pressure" in bar.get_ylabel()
-        and axes.get_xlabel() == "x  [R]"
-        and f"{state.t:.4g}" in axes.get_title()
-    )
+    assert "pressure" in bar.get_ylabel()
+    assert axes.get_xlabel() == "x  [R]"
+    assert f"{state.t:.4g}" in axes.get_title()
 
 
 def test_a_state_is_drawn_on_given_axes_at_any_moment(result):
     figure = Figure()
     left, right = figure.subplots(1, 2)
-    assert (
-        result.draw("contact", "fringes", left) is figure
-        and result.draw(0.0, ax=right) is figure
-    )
-    assert (
-        "time = 0 R/c" in right.get_title()
-        and len(left.collections)
-        and len(right.collections)
-    )
+    assert result.draw("contact", "fringes", left) is figure
+    assert result.draw(0.0, ax=right) is figure
+    assert "time = 0 R/c" in right.get_title()
+    assert len(left.collections)
+    assert len(right.collections)
     with pytest.raises(InputError, match="no moment"):
         result.draw(-1.0)
     with pytest.raises(InputError, match="did you mean pressure"):
@@ -287,7 +273,8 @@ def test_a_scene_takes_the_disk_of_a_lattice_that_has_a_wall():
 
 
 def test_titles_say_where_a_lattice_comes_from(tmp_path):
-    scene, other = load_scene("exponential_wall").with_(SMALL), Lattice.disk(60, seed=5)
+    scene = load_scene("exponential_wall").with_(SMALL)
+    other = Lattice.disk(60, seed=5)
     np.savetxt(tmp_path / "points.csv", other.positions, delimiter=",")
     from_file = scene.with_(file=str(tmp_path / "points.csv"))
     own = Lattice.from_points(other.positions)
@@ -440,10 +427,10 @@ def test_a_progress_callback_receives_every_stage_from_its_beginning(scene, tmp_
         lattices=2,
     )
     assert calls.pop() == ("lattices", 0, 1)
-    assert {stage for stage, _, _ in calls} == {"simulate"} and calls[0][1] == 0
-    assert [now for _, now, _ in calls] == sorted(now for _, now, _ in calls) and calls[
-        -1
-    ][1] <= calls[-1][2]
+    assert {stage for stage, _, _ in calls} == {"simulate"}
+    assert calls[0][1] == 0
+    assert [now for _, now, _ in calls] == sorted(now for _, now, _ in calls)
+    assert calls[-1][1] <= calls[-1][2]
     calls.clear()
     Result.load(tmp_path / "o", progress=lambda *what: calls.append(what))
     assert calls[0] == ("simulate", 0, calls[0][2])
@@ -468,15 +455,14 @@ def test_a_progress_of_another_shape_is_refused_by_name(result, progress, tmp_pa
 
 
 def test_a_progress_callback_may_not_compute_and_spoils_nothing(result):
-    calls, refused = (
-        [
-            lambda: run(other, lattices=1),
-            lambda: result.state(1.0),
-            lambda: result.film("never.mp4"),
-        ],
-        [],
-    )
-    scene, other = result.scene.with_(velocity=2e-3), result.scene.with_(points=30)
+    calls = [
+        lambda: run(other, lattices=1),
+        lambda: result.state(1.0),
+        lambda: result.film("never.mp4"),
+    ]
+    refused = []
+    scene = result.scene.with_(velocity=2e-3)
+    other = result.scene.with_(points=30)
     expected = run(scene, lattices=1).restitution
 
     def curious(stage, done, total):
@@ -485,9 +471,8 @@ def test_a_progress_callback_may_not_compute_and_spoils_nothing(result):
                 call()
             refused.append(done)
 
-    assert run(scene, progress=curious, lattices=1).restitution == expected and len(
-        refused
-    ) >= len(calls)
+    assert run(scene, progress=curious, lattices=1).restitution == expected
+    assert len(refused) >= len(calls)
     with pytest.raises(InputError, match="a progress callback cannot run"):
         run(scene, progress=lambda stage, done, total: run(other), lattices=1)
     assert run(scene, lattices=1).restitution == expected
@@ -549,7 +534,8 @@ def test_spin_and_turn_are_those_of_the_start():
     turning = (arm[:, 0] * v[:, 1] - arm[:, 1] * v[:, 0]).sum() / (arm**2).sum()
     assert turning == pytest.approx(0.05, rel=1e-9)
     before = plain.state(0.0).positions - plain.state(0.0).positions.mean(axis=0)
-    c, s = np.cos(0.5), np.sin(0.5)
+    c = np.cos(0.5)
+    s = np.sin(0.5)
     np.testing.assert_allclose(arm, before @ np.array([[c, s], [-s, c]]), atol=1e-12)
 
 
@@ -603,7 +589,8 @@ OWN = {
 
 
 def assert_same(one: Result, other: Result) -> None:
-    assert one.numbers == other.numbers and one.series.keys() == other.series.keys()
+    assert one.numbers == other.numbers
+    assert one.series.keys() == other.series.keys()
     assert all(
         (one.series[name] == values).all() for name, values in other.series.items()
     )
@@ -730,7 +717,8 @@ def test_a_result_of_another_process_is_the_same():
 
 def test_a_blow_up_comes_back_from_another_process_too():
     failure = pickle.loads(pickle.dumps(BlowUp("bad", {"t": np.ones(1)})))
-    assert str(failure) == "bad" and failure.last_good["t"] == 1.0
+    assert str(failure) == "bad"
+    assert failure.last_good["t"] == 1.0
 
 
 @pytest.mark.parametrize("act", ["film", "save", "export"])

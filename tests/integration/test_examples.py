@@ -32,7 +32,8 @@ def test_the_example_of_one_impact_accounts_for_its_energy():
         r"(?s)restitution +([\d.]+).*took ([\d.]+)%", output_of("one_impact")
     )
     # e^2 + dissipated fraction <= 1; the rest remains as vibration.
-    assert 0.8 < e < 1 and 0.95 < e * e + lost / 100 <= 1.001
+    assert 0.8 < e < 1
+    assert 0.95 < e * e + lost / 100 <= 1.001
 
 
 def test_a_trajectory_is_read_at_any_time():
@@ -85,7 +86,8 @@ def test_a_mesh_of_gmsh_is_thrown():
     assert "1 of 721 points belong to no triangle" in shown
     assert "the first is point 0 at (0, 0)" in shown
     points, springs, e = numbers(r"(\d+) points, (\d+) springs\ne = ([\d.]+)", shown)
-    rows, sectors = 8, 80
+    rows = 8
+    sectors = 80
     assert points == (rows + 1) * sectors
     # Euler's formula for a ring: as many sides as points and triangles together
     assert springs == points + 2 * rows * sectors
@@ -96,9 +98,8 @@ def test_a_thin_ring_sinks_as_its_closed_form_says():
     found = re.findall(
         r"hole ([\d.]+) R: xi/P = (\S+) .*thin ring (\S+)", output_of("ring")
     )
-    assert len(found) == 4 and float(found[-1][1]) == pytest.approx(
-        float(found[-1][2]), rel=0.04
-    )
+    assert len(found) == 4
+    assert float(found[-1][1]) == pytest.approx(float(found[-1][2]), rel=0.04)
     ratios = [float(xi) / float(thin) for _, xi, thin in found]
     # a thicker ring deforms more in other ways than bending
     assert all(np.diff(ratios) < 0)
@@ -112,14 +113,10 @@ def test_an_off_centre_inclusion_makes_the_disk_spin():
             r"(\w+) +e = (\S+), .*x = (\S+) R, .* (\S+) M", shown
         )
     }
-    assert (
-        found["none"][1] == found["stiff"][1] == found["soft"][1]
-        and found["heavy"][1] > 0.15
-    )
-    assert (
-        abs(found["heavy"][2]) > 10 * abs(found["none"][2])
-        and found["stiff"][0] > found["soft"][0]
-    )
+    assert found["none"][1] == found["stiff"][1] == found["soft"][1]
+    assert found["heavy"][1] > 0.15
+    assert abs(found["heavy"][2]) > 10 * abs(found["none"][2])
+    assert found["stiff"][0] > found["soft"][0]
 
 
 def test_a_sweep_over_cores_finds_that_a_stiff_one_loses_least(tmp_path):
@@ -138,10 +135,8 @@ def test_what_the_modes_took_is_missing_in_e_squared(tmp_path):
     lost, vibration, rotation = numbers(
         r"1 - e\^2 = (\S+); in vibration (\S+), rotation (\S+)", shown
     )
-    assert (
-        lost == pytest.approx(vibration + rotation, abs=5e-5)
-        and picture.stat().st_size > 1e4
-    )
+    assert lost == pytest.approx(vibration + rotation, abs=5e-5)
+    assert picture.stat().st_size > 1e4
     assert sum(
         numbers(r"modes (\S+), higher (\S+), anharmonic (\S+)", shown)
     ) == pytest.approx(vibration, abs=2e-5)

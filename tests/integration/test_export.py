@@ -30,7 +30,8 @@ SCENARIO = SimpleNamespace(stored_scene=SCENE, lattice=LATTICE, model=MODEL)
 
 
 def state(t):
-    x, n = LATTICE.positions.copy(), LATTICE.disk_points
+    x = LATTICE.positions.copy()
+    n = LATTICE.disk_points
     x[:n, 1] += x[LATTICE.wall_surface, 1].max() + 0.05 - 0.03 * t - x[:n, 1].min()
     x[:n] *= [1.0 + 0.01 * t, 1.0]
     x += 1e-4 * np.random.default_rng(0).standard_normal(x.shape)
@@ -81,7 +82,8 @@ def test_npz_holds_every_quantity_at_every_time(tmp_path):
     file = np.load(exported(tmp_path, "npz"))
     np.testing.assert_array_equal(file["t"], TIMES)
     for k, t in enumerate(TIMES):
-        (x, v), true = state(t), truth(t)
+        x, v = state(t)
+        true = truth(t)
         np.testing.assert_array_equal(file["positions"][k], x)
         np.testing.assert_array_equal(file["velocities"][k], v)
         for name in ("strain", "tension", "energy"):
@@ -129,12 +131,14 @@ def test_npz_has_one_array_at_a_time_in_memory_however_many_frames(tmp_path):
 def test_gsd_read_by_gsd(tmp_path):
     hoomd = pytest.importorskip("gsd.hoomd")
     path = exported(tmp_path, "gsd")
-    (other := tmp_path / "other").touch()
+    other = tmp_path / "other"
+    other.touch()
     assert path.stat().st_mode == other.stat().st_mode
     with hoomd.open(name=str(path), mode="r") as file:
         assert len(file) == len(TIMES)
         for shot, t in zip(file, TIMES, strict=True):
-            (x, v), true = state(t), truth(t)
+            x, v = state(t)
+            true = truth(t)
             np.testing.assert_allclose(shot.particles.position[:, :2], x, **SINGLE)
             np.testing.assert_allclose(shot.particles.velocity[:, :2], v, **SINGLE)
             np.testing.assert_array_equal(shot.bonds.group, LATTICE.bonds)
@@ -168,7 +172,9 @@ def test_vtu_read_by_meshio_and_vtk(tmp_path):
         1.0,
     ]
     springs, triangles = (tmp_path / entry.get("file", "") for entry in listed[-2:])
-    (x, v), true, mesh = state(1.0), truth(1.0), meshio.read(springs)
+    x, v = state(1.0)
+    true = truth(1.0)
+    mesh = meshio.read(springs)
     np.testing.assert_array_equal(mesh.points[:, :2], x)
     np.testing.assert_array_equal(mesh.point_data["velocity"][:, :2], v)
     close(mesh.point_data["contact_force"][:, :2], true["contact_force"])
@@ -200,7 +206,9 @@ def test_xyz_and_gsd_read_by_ovito(tmp_path, format):
 
     pipeline = import_file(str(exported(tmp_path, format)))
     assert pipeline.source.num_frames == len(TIMES)
-    (x, v), true, data = state(1.0), truth(1.0), pipeline.compute(len(TIMES) - 1)
+    x, v = state(1.0)
+    true = truth(1.0)
+    data = pipeline.compute(len(TIMES) - 1)
     # The properties that OVITO recognises, and our own.
     known = {
         "Particle Type",
@@ -256,11 +264,10 @@ def test_xyz_read_by_ase(tmp_path):
 
     frames = read(exported(tmp_path, "xyz"), index=":")
     assert [atoms.info["Time"] for atoms in frames] == TIMES.tolist()
-    (x, v), atoms = state(1.0), frames[-1]
-    assert (
-        atoms.get_chemical_symbols() == ["X"] * 40 + ["Si"] * (len(x) - 40)
-        and not atoms.pbc.any()
-    )
+    x, v = state(1.0)
+    atoms = frames[-1]
+    assert atoms.get_chemical_symbols() == ["X"] * 40 + ["Si"] * (len(x) - 40)
+    assert not atoms.pbc.any()
     assert (np.abs(x) <= 0.5 * atoms.cell[0, 0]).all()
     np.testing.assert_allclose(atoms.positions[:, :2], x, rtol=1e-10)
     np.testing.assert_allclose(atoms.get_velocities()[:, :2], v, rtol=1e-9, atol=1e-15)
@@ -275,17 +282,17 @@ def test_xyz_read_by_ase(tmp_path):
 
 
 def test_xyz_is_lines_that_can_be_read_without_a_library(tmp_path):
-    lines, n = (
-        exported(tmp_path, "xyz").read_text().splitlines(),
-        len(LATTICE.positions),
-    )
-    assert len(lines) == len(TIMES) * (n + 2) and lines[0] == str(n)
+    lines = exported(tmp_path, "xyz").read_text().splitlines()
+    n = len(LATTICE.positions)
+    assert len(lines) == len(TIMES) * (n + 2)
+    assert lines[0] == str(n)
     assert [line.split()[0] for line in lines[2 : n + 2]] == ["X"] * 40 + ["Si"] * (
         n - 40
     )
     header = lines[1].partition("Properties=")[2].split()[0].split(":")
     assert header[:6] == ["species", "S", "1", "pos", "R", "3"]
-    names, widths = header[3::3], [int(width) for width in header[5::3]]
+    names = header[3::3]
+    widths = [int(width) for width in header[5::3]]
     # Species are elements, and OVITO or ASE misinterpret no column because of its name.
     springs = ["springs_strain", "springs_tension", "springs_energy"]
     assert names == [
@@ -302,7 +309,8 @@ def test_xyz_is_lines_that_can_be_read_without_a_library(tmp_path):
     ]
     rows = np.array([line.split()[1:] for line in lines[-n:]], dtype=float)
     last = dict(zip(names, np.split(rows, np.cumsum(widths)[:-1], axis=1), strict=True))
-    (x, v), true = state(1.0), truth(1.0)
+    x, v = state(1.0)
+    true = truth(1.0)
     for name, expected in (
         ("pos", np.pad(x, ((0, 0), (0, 1)))),
         ("velo", np.pad(v, ((0, 0), (0, 1)))),

@@ -38,7 +38,8 @@ needs_vulkan = pytest.mark.skipif(
 FORMATS = pytest.mark.parametrize(
     "suffix", [".mp4", pytest.param(".webm", marks=pytest.mark.validate), ".gif", ""]
 )
-COUNT, SIZE = 10, 240
+COUNT = 10
+SIZE = 240
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +80,8 @@ def video(**keys):
 def captions(monkeypatch):
     """Return a function that returns the words of each picture of the last film, those
     of compared runs one after the other."""
-    calls, original = [], film_module.captions
+    calls = []
+    original = film_module.captions
 
     def record(run, cues):
         calls.append(list(original(run, cues)))
@@ -115,11 +117,11 @@ def time_of(caption):
 def test_a_film_has_the_frames_size_and_rate_asked_for_and_the_same_bytes_twice(
     run, tmp_path, suffix
 ):
-    path, calls = tmp_path / f"film{suffix}", []
+    path = tmp_path / f"film{suffix}"
+    calls = []
     film(path, [run], video(), lambda *what: calls.append(what))
-    assert calls == [("render", done, COUNT) for done in range(COUNT + 1)] and list(
-        tmp_path.iterdir()
-    ) == [path]
+    assert calls == [("render", done, COUNT) for done in range(COUNT + 1)]
+    assert list(tmp_path.iterdir()) == [path]
     files = sorted(path.iterdir()) if path.is_dir() else [path]
     first = digests(files)
     film(path, [run], video(), QUIET)  # replaces the existing film
@@ -136,9 +138,8 @@ def test_a_film_has_the_frames_size_and_rate_asked_for_and_the_same_bytes_twice(
                 == 100 * COUNT
             )
     else:
-        assert len(pictures) == COUNT and (
-            not suffix or iio.immeta(path, plugin="pyav")["fps"] == 10
-        )
+        assert len(pictures) == COUNT
+        assert not suffix or iio.immeta(path, plugin="pyav")["fps"] == 10
     assert pictures.shape[1:] == (SIZE, SIZE, 3)
     assert np.abs(pictures[:, 2, 2] - 255 * np.array(THEMES["light"].ground)).max() < 6
 
@@ -192,11 +193,8 @@ def test_scales_and_pictures_come_from_one_replay(run, tmp_path, monkeypatch):
     # as for a lattice too large to store its states
     monkeypatch.setattr("taichi_disk.render.recording.MAX_BYTES", 0)
     film(tmp_path / "twice.gif", [replace(run, frames=frames)], video(), QUIET)
-    assert (
-        len(asked) == 3
-        and (tmp_path / "once.gif").read_bytes()
-        == (tmp_path / "twice.gif").read_bytes()
-    )
+    assert len(asked) == 3
+    assert (tmp_path / "once.gif").read_bytes() == (tmp_path / "twice.gif").read_bytes()
 
 
 @needs_vulkan
@@ -212,11 +210,15 @@ def test_the_disk_in_the_film_moves_as_its_centre_of_mass_does(
         QUIET,
     )
     times = np.array([time_of(one) for one in captions()])
-    series, theme = run.columns, THEMES["dark"]
-    assert len(times) == COUNT and (np.diff(times) >= 0.0).all()
+    series = run.columns
+    theme = THEMES["dark"]
+    assert len(times) == COUNT
+    assert (np.diff(times) >= 0.0).all()
     # It flies before t = 0 and after the end, as high at both ends.
-    assert times[0] < -1.0 and times[-1] > series["t"][-1] + 1.0
-    middles, areas = [], []
+    assert times[0] < -1.0
+    assert times[-1] > series["t"][-1] + 1.0
+    middles = []
+    areas = []
     for picture in iio.imread(tmp_path / "film.mp4").astype(float):
         outside = np.abs(picture - 255 * np.array(theme.ground)).sum(axis=-1) < 30
         above = np.flatnonzero(outside[:, 0])[:-1]  # the wall's haze ends there
@@ -230,7 +232,8 @@ def test_the_disk_in_the_film_moves_as_its_centre_of_mass_does(
     centre = np.interp(times, series["t"], series["com_y"])
     centre += np.minimum(times, 0.0) * series["com_vy"][0]
     centre += np.maximum(times - last, 0.0) * series["com_vy"][-1]
-    assert np.ptp(middles + scale * centre) < 1.5 and np.ptp(middles) > 30.0
+    assert np.ptp(middles + scale * centre) < 1.5
+    assert np.ptp(middles) > 30.0
     assert abs(middles[0] - middles[-1]) < 1.5
 
 
@@ -258,7 +261,8 @@ def test_a_disk_that_flies_aside_stays_whole_in_the_film_and_the_wall_spans_it(
     last = pictures_in(tmp_path / "film")[-1]
     ground = 255 * np.array(THEMES["light"].ground)
     wall = np.flatnonzero((np.abs(last - ground).max(axis=2) > 20).all(axis=1))
-    assert len(wall) > 5 and np.ptp(last[wall], axis=1).max() <= 1
+    assert len(wall) > 5
+    assert np.ptp(last[wall], axis=1).max() <= 1
     stage = last[: wall[0] - 4]
     rows, columns = np.nonzero(np.abs(stage - ground).max(axis=2) > 20)
     assert np.ptp(columns) == pytest.approx(np.ptp(rows), abs=4)
@@ -270,7 +274,8 @@ def test_a_disk_that_flies_aside_stays_whole_in_the_film_and_the_wall_spans_it(
 def test_an_arrow_of_any_force_ends_in_the_picture(tmp_path, monkeypatch):
     # A rod that falls on its side is bent most between two hits, during which the force
     # is far larger.
-    scales, paint = [], Painter.paint
+    scales = []
+    paint = Painter.paint
 
     def record(self, *arguments):
         scales.append(self.full_force)
@@ -297,7 +302,8 @@ def test_an_arrow_of_any_force_ends_in_the_picture(tmp_path, monkeypatch):
 def test_the_film_holds_at_the_greatest_compression_and_ends_with_the_result(
     run, tmp_path, captions
 ):
-    scenario, outcome = run.scenario, run
+    scenario = run.scenario
+    outcome = run
     film(tmp_path / "film.mp4", [run], video(seconds=4), QUIET)
     result = f"e = {scenario.result(outcome.columns)['restitution']:.4f}"
     words = captions()
@@ -307,7 +313,8 @@ def test_the_film_holds_at_the_greatest_compression_and_ends_with_the_result(
         assert one.result == (result if time_of(one) >= end else "")
     held = [one.time for one in words if one.note == "greatest compression"]
     peak = outcome.columns["t"][outcome.columns["elastic"].argmax()]
-    assert len(held) >= 2 and set(held) == {f"t = {peak:.2f} R/c"}
+    assert len(held) >= 2
+    assert set(held) == {f"t = {peak:.2f} R/c"}
     pictures = iio.imread(tmp_path / "film.mp4").astype(int)
     # nothing moves at the end
     assert np.abs(pictures[-1] - pictures[-4])[60:].mean() < 1.0
@@ -320,7 +327,9 @@ def test_the_film_holds_at_the_greatest_compression_and_ends_with_the_result(
     # slow motion.
     assert (pace[:-1] / 10).sum() == pytest.approx(np.ptp(times_of(words)), rel=0.04)
     is_slow = ["slow motion" in lines for _, lines in moving]
-    assert is_slow[len(is_slow) // 2] and not is_slow[2] and not is_slow[-2]
+    assert is_slow[len(is_slow) // 2]
+    assert not is_slow[2]
+    assert not is_slow[-2]
     assert 0.5 < np.mean(is_slow) < 0.95
     assert pace.max() > 4.0 * pace.min()
 
@@ -356,10 +365,8 @@ def test_a_comparison_shows_both_runs_at_the_same_times_in_the_same_colours(
     # two are 16 : 9
     assert left.shape == (COUNT, SIZE, 2 * round(SIZE * 4 / 9), 3)
     below = SIZE - 60  # the position of the scales, which both disks share
-    assert (
-        np.array_equal(left[:, :below], right[:, :below])
-        and captions()[0::2] == captions()[1::2]
-    )
+    assert np.array_equal(left[:, :below], right[:, :below])
+    assert captions()[0::2] == captions()[1::2]
 
 
 def test_runs_side_by_side_are_named_by_what_sets_them_apart():
@@ -368,12 +375,8 @@ def test_runs_side_by_side_are_named_by_what_sets_them_apart():
             load_scene("exponential_wall", ["lattice.points=20", *change])
             for change in changes
         ]
-        return [
-            title[0]
-            for title in titles(
-                [SimpleNamespace(scenario=scene.scenario()) for scene in scenes]
-            )
-        ]
+        runs = [SimpleNamespace(scenario=scene.scenario()) for scene in scenes]
+        return [title[0] for title in titles(runs)]
 
     assert named(["material.eta_star=0"], ["material.eta_star=100"]) == [
         "η* = 0",
@@ -414,10 +417,8 @@ def test_a_part_of_a_film_begins_and_ends_where_asked_at_the_pace_of_the_whole(
     times = times_of(captions())
     series = run.columns
     assert times[0] == pytest.approx(time_in("contact", series), abs=0.006)
-    assert (
-        times[-1] == pytest.approx(greatest_compression(series), abs=0.006)
-        and len(times) == 20
-    )
+    assert times[-1] == pytest.approx(greatest_compression(series), abs=0.006)
+    assert len(times) == 20
 
 
 @pytest.mark.parametrize(
@@ -496,7 +497,8 @@ def test_a_small_compression_is_visible_with_magnified_displacements(tmp_path):
 def test_by_default_a_film_magnifies_the_flattening_to_a_twentieth_of_r_and_says_so(
     tmp_path, monkeypatch
 ):
-    painters, pictures = [], Legend.__init__
+    painters = []
+    pictures = Legend.__init__
     monkeypatch.setattr(
         Legend,
         "__init__",
@@ -510,18 +512,15 @@ def test_by_default_a_film_magnifies_the_flattening_to_a_twentieth_of_r_and_says
     )
     pressed.film(tmp_path / "picture.png", size=240)
     (painter,) = painters
-    x, n = pressed.state(1.0).positions, 60
-    rest, drawn, floor = (
-        pressed.lattice.positions[:n, 1],
-        painter.placed(x)[:n, 1],
-        x[:n, 1].min(),
-    )
+    x = pressed.state(1.0).positions
+    n = 60
+    rest = pressed.lattice.positions[:n, 1]
+    drawn = painter.placed(x)[:n, 1]
+    floor = x[:n, 1].min()
     # the wall hides everything below
     seen = (rest.mean() - rest.min()) - (drawn.mean() - floor)
-    assert (
-        painter.magnify > 1.0
-        and f"displacements × {painter.magnify:g}" in painter.remarks
-    )
+    assert painter.magnify > 1.0
+    assert f"displacements × {painter.magnify:g}" in painter.remarks
     assert seen == pytest.approx(0.05, rel=0.2)  # the factor is a round number
 
 
@@ -552,7 +551,9 @@ def test_the_panel_s_curves_are_coloured_up_to_now_and_show_the_time_series(
     assert frames.shape[1:] == (720, 1280, 3)
     # The velocity in the uppermost axes: the last pixels of its colour below its title.
     green = 255 * np.array(THEMES["light"].velocity)
-    columns, rows, times = [], [], []
+    columns = []
+    rows = []
+    times = []
     start, end = contact_of(run)
     for caption, frame in zip(captions(), frames, strict=True):
         t = time_of(caption)
@@ -567,11 +568,13 @@ def test_the_panel_s_curves_are_coloured_up_to_now_and_show_the_time_series(
     assert len(times) >= 3
     slope, _ = np.polyfit(times, columns, 1)
     offsets = np.array(columns) - slope * np.array(times)
-    assert np.ptp(offsets) < 3.0 and np.ptp(columns) > 100
+    assert np.ptp(offsets) < 3.0
+    assert np.ptp(columns) > 100
     v = np.interp(times, run.columns["t"], run.columns["com_vy"])
     # Rows are linear in v.
     fit = np.polyval(np.polyfit(v, rows, 1), v)
-    assert rows == pytest.approx(fit, abs=3.0) and np.ptp(rows) > 60
+    assert rows == pytest.approx(fit, abs=3.0)
+    assert np.ptp(rows) > 60
     # Still to come: grey, from the first picture on.
     assert np.abs(frames[0][40:212, 840:] - green).sum(axis=-1).min() > 60
 
@@ -581,7 +584,8 @@ def test_colours_survive_the_encoding(run, tmp_path):
     for name in ("film.mp4", "frames"):
         film(tmp_path / name, [run], video(size=360, seconds=0.3), QUIET)
     off = iio.imread(tmp_path / "film.mp4") - pictures_in(tmp_path / "frames")
-    assert np.abs(off.mean(axis=(1, 2))).max() < 1.5 and np.abs(off).mean() < 4.0
+    assert np.abs(off.mean(axis=(1, 2))).max() < 1.5
+    assert np.abs(off).mean() < 4.0
 
 
 # ---- failures
@@ -648,7 +652,8 @@ def test_without_vulkan_the_message_names_the_remedy(tmp_path):
         capture_output=True,
         text=True,
     )
-    assert "NoPictures: " in done.stderr and "no Vulkan driver" in done.stderr
+    assert "NoPictures: " in done.stderr
+    assert "no Vulkan driver" in done.stderr
     assert (
         "apt-get update && apt-get install -y --no-install-recommends libx11-6"
         " mesa-vulkan-drivers" in done.stderr
@@ -663,7 +668,8 @@ def test_the_greatest_compression_of_a_spinning_disk_is_where_it_turns_back(
         points=60, spin=spin, eta_star=eta_star
     )
     columns = api.run(scene, lattices=1).series
-    force, stretched = columns["wall_force"], columns["elastic"].argmax()
+    force = columns["wall_force"]
+    stretched = columns["elastic"].argmax()
     # stretched by its spin before it touches the wall
     assert force[stretched] < 1e-3 * force.max()
     assert (
@@ -683,15 +689,19 @@ def test_the_film_of_a_loading_shows_the_fraction_of_the_load_and_moves_without_
     )
     pressed.film(tmp_path / "frames", size=SIZE, fps=10, seconds=4, compare=pressed)
     words = captions()
-    assert words[0::2] == words[1::2] and len(words) == 80
+    assert words[0::2] == words[1::2]
+    assert len(words) == 80
     parts = times_of(words[::2])
-    assert words[0].time == "P = 1 % of 0.01 Mc²/R" and words[0].note == ""
-    assert parts == sorted(parts) and parts[-5:] == [100.0] * 5
+    assert words[0].time == "P = 1 % of 0.01 Mc²/R"
+    assert words[0].note == ""
+    assert parts == sorted(parts)
+    assert parts[-5:] == [100.0] * 5
     assert words[-1].result == f"ξ = {pressed.xi:.6g} R"
     steps = np.abs(np.diff(pictures_in(tmp_path / "frames")[:, 70:180], axis=0)).mean(
         axis=(1, 2, 3)
     )
-    assert steps[1:30].min() > 0.0 and steps[3:].max() < 4.0 * np.median(steps)
+    assert steps[1:30].min() > 0.0
+    assert steps[3:].max() < 4.0 * np.median(steps)
 
 
 def test_a_loading_is_not_compared_with_a_relaxation_which_takes_time(tmp_path):
@@ -763,7 +773,8 @@ def test_an_engine_with_other_shaders_draws_hard_springs(run, tmp_path, monkeypa
         np.asarray(Image.open(tmp_path / name)).astype(float)
         for name in ("soft.png", "hard.png")
     )
-    assert soft.shape == hard.shape and not np.array_equal(soft, hard)
+    assert soft.shape == hard.shape
+    assert not np.array_equal(soft, hard)
     assert np.abs(soft - hard).mean() < 2.0  # springs are as heavy
 
 
@@ -784,7 +795,8 @@ def test_a_window_that_does_not_open_with_these_shaders_opens_without(monkeypatc
     monkeypatch.setattr(offscreen.Window, "__init__", offscreen.Window.__init__)
     monkeypatch.setattr(offscreen.ti.ui.Window, "__init__", Plain.__init__)
     window = offscreen.open_window("test", (20, 20), show_window=False)
-    assert not window.is_soft and opened == [("test", (20, 20), False)]
+    assert not window.is_soft
+    assert opened == [("test", (20, 20), False)]
 
 
 @pytest.mark.skipif(

@@ -61,13 +61,16 @@ def packed(path):
 def test_a_film_is_one_file_that_fetches_nothing_and_carries_its_scene(folder):
     text = (folder / "film.html").read_text()
     assert not re.search(r'(src|href)="|import\s*[{("]|https?://|@import|url\(', text)
-    assert "scene: exponential_wall" in text and "spin: 0.4" in text
+    assert "scene: exponential_wall" in text
+    assert "spin: 0.4" in text
 
 
 def test_states_survive_the_packing_to_a_thousandth_of_r(folder):
     film, data = packed(folder / "film.html")
-    run, result = film["runs"][0], api.Result.load(folder, estimate=False)
-    n, count = run["scene"]["points"], run["states"]
+    run = film["runs"][0]
+    result = api.Result.load(folder, estimate=False)
+    n = run["scene"]["points"]
+    count = run["states"]
 
     def part(name, kind):
         offset, size = run["arrays"][name]
@@ -123,7 +126,8 @@ def test_240_states_of_1099_points_take_less_than_3_mb(tmp_path):
         tmp_path / "film.html"
     )
     # 184 of 240 pictures differ; the others repeat the start, the peak and the end
-    assert packed(path)[0]["runs"][0]["states"] > 180 and path.stat().st_size < 3e6
+    assert packed(path)[0]["runs"][0]["states"] > 180
+    assert path.stat().st_size < 3e6
 
 
 @pytest.mark.validate
@@ -137,17 +141,16 @@ def test_a_film_needs_no_vulkan(tmp_path, monkeypatch):
         ["lattice.points=60", "compression.method=newton", "video.format=html"],
     )
     result = api.run(scene, tmp_path / "run", lattices=1)
-    assert (
-        result.summary["video"] == "video.html"
-        and (tmp_path / "run/video.html").stat().st_size > 1e4
-    )
+    assert result.summary["video"] == "video.html"
+    assert (tmp_path / "run/video.html").stat().st_size > 1e4
     assert "<iframe" in result.show(seconds=0.2)._repr_html_()
 
 
 @pytest.mark.skipif(not shutil.which("node"), reason="node is not installed")
 @pytest.mark.parametrize("name", [path.name for path in WEB.glob("*.js")])
 def test_modules_are_well_formed(name, tmp_path):
-    (copy := tmp_path / f"{name}.mjs").write_text((WEB / name).read_text())
+    copy = tmp_path / f"{name}.mjs"
+    copy.write_text((WEB / name).read_text())
     done = subprocess.run(
         ["node", "--check", str(copy)], capture_output=True, text=True
     )
@@ -255,10 +258,8 @@ def test_from_a_file_it_plays_scrubs_zooms_magnifies_and_shows_every_quantity(
     assert len({picture.tobytes() for picture in pictures.values()}) == len(QUANTITIES)
     ground = pictures["shear"][1, 1]
     disk = np.abs(pictures["shear"][:-90] - ground).sum(axis=2) > 30
-    assert (
-        disk.mean() > 0.1
-        and len(np.unique(pictures["shear"].reshape(-1, 3), axis=0)) > 200
-    )
+    assert disk.mean() > 0.1
+    assert len(np.unique(pictures["shear"].reshape(-1, 3), axis=0)) > 200
     choose(browser, "quantity", "shear")
     for name, value in (
         ("magnify", 10),
@@ -318,7 +319,9 @@ def test_on_a_screen_of_any_size_no_text_is_small_and_nothing_scrolls_sideways(
         "e.scrollWidth - e.clientWidth]"
     )
     text, cut = browser.execute_script(names)
-    assert "elastic" in text and "flight" in text and cut <= 0
+    assert "elastic" in text
+    assert "flight" in text
+    assert cut <= 0
     # a canvas has the pixels that it covers: no circle is an ellipse
     stretched = """return [...document.querySelectorAll('canvas')].filter(e =>
         e.offsetWidth && Math.abs(

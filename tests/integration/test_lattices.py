@@ -45,7 +45,8 @@ def test_mean_and_scatter_are_those_of_a_sweep_over_the_same_seeds_to_all_digits
     del nested["lattice"]["seed"]
     rows = run_sweep(load_sweep(nested), tmp_path / "sweep", jobs=1).rows
     found = json.loads((tmp_path / "run" / "summary.json").read_text())["lattices"]
-    assert found.pop("seeds") == [3, 4, 5, 6] and list(found) == list(result.numbers)
+    assert found.pop("seeds") == [3, 4, 5, 6]
+    assert list(found) == list(result.numbers)
     for name, summary in found.items():
         values = [row[name] for row in rows]
         assert summary == {
@@ -71,7 +72,8 @@ def test_eight_lattices_are_computed_up_to_5000_points(monkeypatch):
     alone = run(scene, lattices=1)
     assert alone.scatter is alone.mean is alone.standard_error is None
     assert not {"lattices", "notes"} & set(alone.summary)
-    assert alone.numbers == result.numbers and alone.error == result.error
+    assert alone.numbers == result.numbers
+    assert alone.error == result.error
     monkeypatch.setattr(lattices, "MAX_POINTS", 59)
     large = run(scene).summary
     assert "lattices" not in large
@@ -107,14 +109,17 @@ def test_a_relaxation_or_a_tolerance_is_computed_on_three_lattices(
 def test_a_run_that_takes_long_is_computed_on_its_own_lattice_only(monkeypatch):
     monkeypatch.setattr(lattices, "ESTIMATE_UP_TO", 1e4)
     summary = run(load_scene("exponential_wall").with_(SMALL)).summary
-    assert "lattices" not in summary and "5 s; lattices=8" in summary["notes"][0]
+    assert "lattices" not in summary
+    assert "5 s; lattices=8" in summary["notes"][0]
 
 
 def test_a_custom_body_has_no_seeds_and_the_run_notes_it():
-    scene, own = load_scene("exponential_wall").with_(SMALL), Lattice.disk(60, seed=5)
+    scene = load_scene("exponential_wall").with_(SMALL)
+    own = Lattice.disk(60, seed=5)
     for options in ({"lattice": own}, {"velocities": np.tile([0.0, -0.03], (60, 1))}):
         summary = run(scene, lattices=4, **options).summary
-        assert "lattices" not in summary and "have no seed" in summary["notes"][0]
+        assert "lattices" not in summary
+        assert "have no seed" in summary["notes"][0]
         assert "notes" not in run(scene, lattices=1, **options).summary
 
 
@@ -194,18 +199,14 @@ def test_screen_card_and_plot_begin_with_the_mean_and_the_scatter(tmp_path, caps
     assert float(error) == pytest.approx(values["standard_error"], rel=0.34)
     assert float(scatter) == pytest.approx(values["standard_deviation"], rel=0.34)
     assert abs(float(quoted) - values["mean"]) <= 0.5 * float(error)
-    assert (
-        second.split("±")[0].split()[:-1] == ["of", "this", "lattice,", "seed", "3"]
-        and "(time step)" in second
-    )
+    assert second.split("±")[0].split()[:-1] == ["of", "this", "lattice,", "seed", "3"]
+    assert "(time step)" in second
     assert float(second.split("±")[0].split()[-1]) == pytest.approx(
         found["restitution"], abs=1e-4
     )
     result = run(load_scene("exponential_wall").with_(SMALL), lattices=4)
-    assert (
-        first.split()[2] in result.plot()._suptitle.get_text()
-        and first.split()[2] in result._repr_html_()
-    )
+    assert first.split()[2] in result.plot()._suptitle.get_text()
+    assert first.split()[2] in result._repr_html_()
     assert (
         "lattices"
         not in run(load_scene("exponential_wall").with_(SMALL), lattices=1)

@@ -35,7 +35,8 @@ def shoot(tmp_path_factory):
     """Return a function that draws a state of a lattice: (SIZE, SIZE, 3), rows
     downwards, 0 to 1."""
     runtime.start()
-    window, here = ti.ui.Window("test", (SIZE, SIZE), show_window=False), os.getcwd()
+    window = ti.ui.Window("test", (SIZE, SIZE), show_window=False)
+    here = os.getcwd()
 
     def draw(lattice, x, v=None, wall=None, camera=CAMERA, **look):
         painter = Painter(lattice, Springs(), wall)
@@ -73,9 +74,11 @@ def inner_triangles(lattice):
 
 @pytest.mark.parametrize("colour", QUANTITIES)
 def test_colours_equal_the_field_s_values(shoot, colour):
-    painter, corners = Painter(DISK, Springs()), inner_triangles(DISK)[::5]
+    painter = Painter(DISK, Springs())
+    corners = inner_triangles(DISK)[::5]
     values = at_points(colour, Triangles(DISK), Springs(), X, V)
-    painter.colour, painter.limit = colour, 1.3 * float(np.abs(values).max())
+    painter.colour = colour
+    painter.limit = 1.3 * float(np.abs(values).max())
     for painter.theme in THEMES:
         picture = shoot(
             DISK, X, V, colour=colour, theme=painter.theme, limit=painter.limit
@@ -106,17 +109,17 @@ def test_a_disk_of_any_number_of_points_is_seen_whole(shoot, points, draw):
     there = to_pixels(CAMERA, x)
     # Lines and points are drawn around the positions, by less than 4 pixels at this
     # size.
-    assert (drawn[0] <= there.min(axis=0) + 1.0).all() and (
-        drawn[0] > there.min(axis=0) - 4
-    ).all()
-    assert (drawn[1] >= there.max(axis=0) - 1.0).all() and (
-        drawn[1] < there.max(axis=0) + 4
-    ).all()
+    assert (drawn[0] <= there.min(axis=0) + 1.0).all()
+    assert (drawn[0] > there.min(axis=0) - 4).all()
+    assert (drawn[1] >= there.max(axis=0) - 1.0).all()
+    assert (drawn[1] < there.max(axis=0) + 4).all()
 
 
 def test_springs_are_seen_on_the_field_of_a_coarse_lattice_only(shoot):
-    x, fine = DISK.positions + [0.0, 1.1], disk_lattice(9000, 0)
-    plain, sprung = shoot(DISK, x), shoot(DISK, x, draw="both")
+    x = DISK.positions + [0.0, 1.1]
+    fine = disk_lattice(9000, 0)
+    plain = shoot(DISK, x)
+    sprung = shoot(DISK, x, draw="both")
     i, j = DISK.bonds[::5].T
     darker = np.array(
         [pixel(plain, at) - pixel(sprung, at) for at in 0.5 * (x[i] + x[j])]
@@ -134,7 +137,9 @@ def test_springs_are_seen_on_the_field_of_a_coarse_lattice_only(shoot):
 def test_a_spring_has_the_colour_of_its_strain(shoot):
     triangle = Lattice.from_points([(-0.9, 0.5), (0.9, 0.5), (0.0, 1.9)])
     painter = Painter(triangle, Springs())
-    painter.colour, painter.draw, painter.limit = "strain", "springs", 0.02
+    painter.colour = "strain"
+    painter.draw = "springs"
+    painter.limit = 0.02
     for strain in (0.013, -0.008, 0.0, 0.05, -0.05):
         x = triangle.positions * [1.0 + strain, 1.0]
         low = x[np.argsort(x[:, 1])[:2]]
@@ -156,7 +161,8 @@ def test_a_spring_has_the_colour_of_its_strain(shoot):
 @pytest.mark.parametrize("a", [10.0, 300.0])
 @pytest.mark.parametrize("theme", THEMES)
 def test_the_wall_is_solid_up_to_where_the_disk_rests(shoot, theme, a):
-    edge, body = 0.05, np.array(THEMES[theme].wall)
+    edge = 0.05
+    body = np.array(THEMES[theme].wall)
     x = DISK.positions - [0.0, DISK.positions[:, 1].min() - edge]
     picture = shoot(DISK, x, wall=ExponentialWall(a, 150.0), edge=edge, theme=theme)
     assert pixel(picture, np.array([-0.9, edge - 0.02])) == pytest.approx(
@@ -169,7 +175,8 @@ def test_the_wall_is_solid_up_to_where_the_disk_rests(shoot, theme, a):
     # Between disk and wall there is nothing: the lowest point lies on the edge.
     column = int(to_pixels(CAMERA, x[x[:, 1].argmin()])[0])
     gap = np.abs(picture[:, column] - ground(theme)).sum(axis=-1) < 0.01
-    assert gap[:15].any() and not gap[40:].any()
+    assert gap[:15].any()
+    assert not gap[40:].any()
 
 
 def test_the_potential_of_the_elastic_wall_is_drawn_as_a_layer(shoot):
@@ -263,5 +270,7 @@ def test_the_rigid_wall_fills_its_viewport_below_the_edge_and_nothing_else(
     )
     below = int(to_pixels(camera, (0.0, edge))[1]) + 1
     solid = (np.abs(picture - THEMES["light"].wall) < 0.01).all(axis=2)
-    assert solid[below:250, 40:320].all() and not solid[251:].any()
-    assert not solid[:, :39].any() and not solid[:, 321:].any()
+    assert solid[below:250, 40:320].all()
+    assert not solid[251:].any()
+    assert not solid[:, :39].any()
+    assert not solid[:, 321:].any()

@@ -22,7 +22,8 @@ needs_vulkan = pytest.mark.skipif(
 def runs(tmp_path_factory):
     """Return an impact with a film, one without film and with weak dashpots, one from
     Python, and a compression."""
-    folder, problem = tmp_path_factory.mktemp("runs"), film_problem()
+    folder = tmp_path_factory.mktemp("runs")
+    problem = film_problem()
     small = [
         "lattice.points=100",
         "impact.velocity=0.05",
@@ -54,7 +55,8 @@ def test_filmed_again_a_film_is_the_same_and_the_results_stay(runs):
     before = {path.name: path.read_bytes() for path in runs[0].iterdir()}
     assert main(["render", str(runs[0])]) == 0
     after = {path.name: path.read_bytes() for path in runs[0].iterdir()}
-    assert after.pop("render.mp4") == before["video.mp4"] and after == before
+    assert after.pop("render.mp4") == before["video.mp4"]
+    assert after == before
 
 
 @needs_vulkan

@@ -69,7 +69,9 @@ def runs(tmp_path_factory, drawn_plots):
 
 @pytest.mark.parametrize("kind", SCENES)
 def test_files_summary_and_columns_are_those_of_the_contract(runs, kind):
-    stored_run, summary, table = runs[kind], runs[kind].summary, runs[kind].table
+    stored_run = runs[kind]
+    summary = runs[kind].summary
+    table = runs[kind].table
     names = {path.name for path in stored_run.out.iterdir()}
     assert names == {
         "scene.yaml",
@@ -92,16 +94,16 @@ def test_files_summary_and_columns_are_those_of_the_contract(runs, kind):
         "steps",
         "integrator",
     }
-    assert summary == stored_run.result.summary and common | SCENES[kind][1] <= set(
-        summary
-    )
+    assert summary == stored_run.result.summary
+    assert common | SCENES[kind][1] <= set(summary)
     page = (Path(__file__).parents[2] / "docs/output.md").read_text(encoding="utf-8")
     assert set(summary) <= set(
         re.findall(
             r"`(\w+)`", page.partition("### summary.json")[2].partition("###")[0]
         )
     )
-    assert summary["status"] == "done" and summary["reason"] is None
+    assert summary["status"] == "done"
+    assert summary["reason"] is None
     assert {"build", "simulate"} <= set(summary["wall_clock"])
     assert {"python", engine.PACKAGE, "numpy", "taichi-disk"} <= set(
         summary["versions"]
@@ -114,9 +116,8 @@ def test_files_summary_and_columns_are_those_of_the_contract(runs, kind):
         ",load,xi" if kind == "compression" else ",translation,rotation,vibration"
     )
     assert np.isfinite(list(table.values())).all()
-    assert (np.diff(table["t"]) > 0).all() and (table["t"][0] == 0.0) == (
-        kind != "compression"
-    )
+    assert (np.diff(table["t"]) > 0).all()
+    assert (table["t"][0] == 0.0) == (kind != "compression")
     parts = ("kinetic", "elastic", "wall", "dissipated", "absorbed", "sliding", "load")
     np.testing.assert_allclose(
         table["total"], sum(table.get(part, 0.0) for part in parts), rtol=1e-12
@@ -155,10 +156,8 @@ def test_a_picture_that_fails_takes_no_result_with_it(tmp_path, monkeypatch):
         "lattice.npz",
         "final.npz",
     }
-    assert (
-        stored_run.summary["status"] == "done"
-        and stored_run.summary["video_error"] == "latex could not be found"
-    )
+    assert stored_run.summary["status"] == "done"
+    assert stored_run.summary["video_error"] == "latex could not be found"
     assert stored_run.summary["warnings"] == [
         "there is no plot.png: latex could not be found"
     ]
@@ -178,8 +177,10 @@ def test_an_export_that_fails_takes_no_result_with_it(tmp_path, monkeypatch, cap
     assert printed.out.startswith("restitution e ")
     assert "error: cannot write trajectory.xyz: No space left" in printed.err
     summary = json.loads((out / "summary.json").read_text())
-    assert summary["status"] == "done" and "trajectory.xyz" in summary["export_error"]
-    assert not list(out.glob("*.xyz")) and (out / "plot.png").exists()
+    assert summary["status"] == "done"
+    assert "trajectory.xyz" in summary["export_error"]
+    assert not list(out.glob("*.xyz"))
+    assert (out / "plot.png").exists()
 
 
 @pytest.mark.parametrize("name", ["final.npz", "timeseries.csv", "summary.json"])
@@ -205,10 +206,12 @@ def test_a_full_disk_takes_no_number_with_it(tmp_path, monkeypatch, capsys, name
         f"error: cannot write {name}: No space left on device\n"
     )
     if name == "summary.json":
-        assert list(tmp_path.iterdir()) == [] and "files in" not in printed.out
+        assert list(tmp_path.iterdir()) == []
+        assert "files in" not in printed.out
     else:
         summary = json.loads((out / "summary.json").read_text())
-        assert summary["status"] == "failed" and name in summary["reason"]
+        assert summary["status"] == "failed"
+        assert name in summary["reason"]
         assert str(summary["restitution"])[:6] in printed.out
         assert not list(out.glob(f"*{name}"))
         # It may be repeated: the folder holds a run.
@@ -239,16 +242,17 @@ def test_the_summary_has_the_numbers_even_if_the_disk_stays_full(tmp_path, monke
 @pytest.mark.parametrize("kind", ["exponential_wall", "absorbing_wall"])
 def test_first_and_last_row_are_the_states_in_the_npz_files(runs, kind):
     stored_run = runs[kind]
-    table, start, final = (
-        stored_run.table,
-        np.load(stored_run.out / "lattice.npz"),
-        np.load(stored_run.out / "final.npz"),
-    )
-    n, m = int(start["disk_points"]), start["masses"][0]
+    table = stored_run.table
+    start = np.load(stored_run.out / "lattice.npz")
+    final = np.load(stored_run.out / "final.npz")
+    n = int(start["disk_points"])
+    m = start["masses"][0]
     assert n == 100
     for row, state in ((0, start), (-1, final)):
-        x, v = state["positions"][:n], state["velocities"][:n]
-        centre, speed = x.mean(axis=0), v.mean(axis=0)
+        x = state["positions"][:n]
+        v = state["velocities"][:n]
+        centre = x.mean(axis=0)
+        speed = v.mean(axis=0)
         spin = m * np.sum(
             (x - centre)[:, 0] * (v - speed)[:, 1]
             - (x - centre)[:, 1] * (v - speed)[:, 0]
@@ -279,7 +283,8 @@ def test_first_and_last_row_are_the_states_in_the_npz_files(runs, kind):
 def test_the_wall_s_force_is_the_change_of_momentum(runs):
     # d(com_vy)/dt = wall force (M = 1), by central differences between rows.
     table = runs["exponential_wall"].table
-    t, v = table["t"], table["com_vy"]
+    t = table["t"]
+    v = table["com_vy"]
     slope = (v[2:] - v[:-2]) / (t[2:] - t[:-2])
     peak = table["wall_force"].max()
     assert peak > 1e-3
@@ -292,10 +297,8 @@ def test_lattice_npz_alone_repeats_the_run(runs):
     # An independent program uses only the file and the scene's parameters; the boundary
     # is matched.
     stored_run = runs["absorbing_wall"]
-    start, final = (
-        np.load(stored_run.out / "lattice.npz"),
-        np.load(stored_run.out / "final.npz"),
-    )
+    start = np.load(stored_run.out / "lattice.npz")
+    final = np.load(stored_run.out / "final.npz")
     d = (
         start["positions"][start["bonds"][:, 0]]
         - start["positions"][start["bonds"][:, 1]]
@@ -347,7 +350,8 @@ def test_the_saved_scene_is_the_scene_with_every_default_and_repeats_the_run_bit
 def test_the_spectrum_is_looked_for_once_and_rows_are_as_far_apart_as_asked(
     monkeypatch, tmp_path
 ):
-    asked, plain = [], stability.largest_eigenvalue
+    asked = []
+    plain = stability.largest_eigenvalue
 
     def counted(*given):
         asked.append(given)

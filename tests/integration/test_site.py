@@ -25,9 +25,11 @@ def site() -> Any:
     spec = importlib.util.spec_from_file_location(
         "site_pages", ROOT / "docs/site_pages.py"
     )
-    assert spec and spec.loader
-    spec.loader.exec_module(made := importlib.util.module_from_spec(spec))
-    return made
+    assert spec
+    assert spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def formulas(text: str) -> list[tuple[str, bool]]:
@@ -56,7 +58,8 @@ def test_formulas_of_a_page_keep_their_numbers_and_their_vectors(site: Any) -> N
         r' class="arithmatex">\[e = 1 \tag{5}\]</div>'
     )
     made = site.on_page_content(html)
-    assert made.count("<math") == 2 and "arithmatex" not in made
+    assert made.count("<math") == 2
+    assert "arithmatex" not in made
     assert (
         "\N{MATHEMATICAL BOLD SMALL V}" in made
         and "<span>(5)</span>" in made
@@ -67,9 +70,8 @@ def test_formulas_of_a_page_keep_their_numbers_and_their_vectors(site: Any) -> N
 def test_the_reference_has_a_page_that_leads_to_every_reference(site: Any) -> None:
     targets = re.findall(r"\]\(([^)]*)\)", site.reference())
     own = {"scenes.md", "commands.md", "python.md"}
-    assert own <= set(targets) and all(
-        (ROOT / "docs" / target[3:]).exists() for target in set(targets) - own
-    )
+    assert own <= set(targets)
+    assert all((ROOT / "docs" / target[3:]).exists() for target in set(targets) - own)
 
 
 @pytest.mark.parametrize(

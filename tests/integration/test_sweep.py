@@ -94,7 +94,8 @@ def test_a_sweep_leaves_one_row_per_point_and_its_fits_and_figure(
 ) -> None:
     with (small.out / "points.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == 12 and not small.failed
+    assert len(rows) == 12
+    assert not small.failed
     assert [(row["eta_star"], row["seed"], row["velocity"]) for row in rows[:2]] == [
         ("0.0", "3", "0.01"),
         ("0.0", "3", "0.02"),
@@ -130,9 +131,8 @@ def test_a_kind_of_scene_that_has_no_figure_is_swept_all_the_same(
     monkeypatch.setattr("taichi_disk.figures.curves.FIGURES", {})
     shutil.copytree(small.out / "points", tmp_path / "out" / "points")
     result = swept(SMALL, tmp_path / "out")
-    assert result.summary["curves"] == [] and table(tmp_path / "out") == table(
-        small.out
-    )
+    assert result.summary["curves"] == []
+    assert table(tmp_path / "out") == table(small.out)
 
 
 @pytest.mark.parametrize(
@@ -152,7 +152,8 @@ def test_a_row_is_what_running_its_scene_gives_bit_for_bit(
             "warnings",
             "error_estimate",
         }
-        assert {"steps", "integrator"} < shared and len(shared) >= 4
+        assert {"steps", "integrator"} < shared
+        assert len(shared) >= 4
         assert {name: row[name] for name in shared} == {
             name: summary[name] for name in shared
         }
@@ -175,10 +176,8 @@ def test_failed_points_are_listed_and_tried_again_and_do_not_stop_the_others(
 ) -> None:
     result = swept(ONE + axes + "\n", tmp_path / "out")
     assert [row["status"] for row in result.rows] == statuses
-    assert (
-        reason in result.failed[0]["reason"]
-        and reason in result.summary["failed"][0]["reason"]
-    )
+    assert reason in result.failed[0]["reason"]
+    assert reason in result.summary["failed"][0]["reason"]
     assert swept(ONE + axes + "\n", tmp_path / "out").summary["computed_now"] == 1
 
 
@@ -206,7 +205,8 @@ def test_an_unexpected_error_at_one_point_does_not_stop_the_others(
     assert result.failed[0]["reason"] == reasons[type(error).__name__]
     monkeypatch.setattr(work, "outcome_of", compute)
     again = swept(ONE + "sweep: {velocity: [0.05, 0.1]}\n", tmp_path / "out")
-    assert again.summary["computed_now"] == 1 and not again.failed
+    assert again.summary["computed_now"] == 1
+    assert not again.failed
 
 
 def test_a_number_that_is_not_finite_is_a_failure_whichever_it_is(
@@ -230,9 +230,8 @@ def test_errors_are_estimated_on_request(small: SweepResult, tmp_path: Path) -> 
     plain = swept(*sweep)
     assert [row["error_estimate"] for row in plain.rows] == [None] * 4
     estimated = swept(*sweep, estimate=True)
-    assert estimated.summary["computed_now"] == 4 and all(
-        0 < row["error_estimate"] < 1e-2 for row in estimated.rows
-    )
+    assert estimated.summary["computed_now"] == 4
+    assert all(0 < row["error_estimate"] < 1e-2 for row in estimated.rows)
     assert [row["restitution"] for row in estimated.rows] == [
         row["restitution"] for row in plain.rows
     ]
@@ -267,7 +266,8 @@ def test_a_lattice_file_is_read_again_if_it_has_changed(tmp_path: Path) -> None:
         "sweep": {"velocity": [0.05]},
     }
     (first,) = swept(scene, tmp_path / "out").rows
-    assert first["status"] == "done" and first["young"] is None
+    assert first["status"] == "done"
+    assert first["young"] is None
     turned = disk.positions @ np.array([[0.0, 1.0], [-1.0, 0.0]])
     np.savetxt(file, turned, delimiter=",", fmt="%.17g")
     second = swept(scene, tmp_path / "out")
@@ -293,7 +293,8 @@ def test_a_lattice_file_is_read_again_if_it_has_changed(tmp_path: Path) -> None:
 def test_a_row_of_a_strained_lattice_is_what_running_its_scene_gives_at_any_k_b(
     scene: dict[str, Any], result: str, tmp_path: Path
 ) -> None:
-    disk, file = Lattice.disk(30, 0), tmp_path / "strained.npz"
+    disk = Lattice.disk(30, 0)
+    file = tmp_path / "strained.npz"
     lengths = disk.rest_lengths * np.where(np.arange(len(disk.bonds)) % 2, 1.03, 0.97)
     np.savez(file, positions=disk.positions, bonds=disk.bonds, rest_lengths=lengths)
     found = swept(
@@ -304,7 +305,8 @@ def test_a_row_of_a_strained_lattice_is_what_running_its_scene_gives_at_any_k_b(
         summary = run(
             load_scene(found.out / "points" / f"{row['key']}.yaml"), lattices=1
         ).summary
-        assert row["status"] == "done" and (row["dt"], row[result]) == (
+        assert row["status"] == "done"
+        assert (row["dt"], row[result]) == (
             summary["dt"],
             summary[result],
         )
@@ -361,12 +363,10 @@ def test_a_result_that_cannot_be_read_is_named_in_one_clear_error(
     )
     assert main(["sweep", scene, "--out", str(tmp_path / "out"), "--jobs", "1"]) == 2
     text = capsys.readouterr().err
-    assert (
-        text.count("error:") == 1
-        and path.name in text
-        and "delete the file" in text
-        and "Traceback" not in text
-    )
+    assert text.count("error:") == 1
+    assert path.name in text
+    assert "delete the file" in text
+    assert "Traceback" not in text
     assert table(tmp_path / "out") == table(small.out)
 
 
@@ -474,7 +474,8 @@ def test_the_scene_of_a_point_is_written_again_if_missing_or_different(
 
 def test_one_lattice_has_no_scatter(small: SweepResult, tmp_path: Path) -> None:
     both = small.summary["curves"][0]["standard_deviation"]
-    assert len(both) == 3 and min(both) > 0.0
+    assert len(both) == 3
+    assert min(both) > 0.0
     shutil.copytree(small.out / "points", tmp_path / "out" / "points")
     alone = swept(SMALL, tmp_path / "out", "sweep.seed=[3]")
     assert [curve["standard_deviation"] for curve in alone.summary["curves"]] == [
@@ -514,14 +515,12 @@ def test_every_scene_is_in_one_part_and_in_one_task_of_one_lattice() -> None:
         {str(k): scene for k, scene in enumerate(sweep.scenes)}
     )
     tasks = executors.tasks_of(scenes)
-    assert len(tasks) == 96 and sorted(key for task in tasks for key in task) == sorted(
-        scenes
-    )
+    assert len(tasks) == 96
+    assert sorted(key for task in tasks for key in task) == sorted(scenes)
     assert all(len({scenes[key].lattice.seed for key in task}) == 1 for task in tasks)
     shares = [executors.part_of(f"{k}/16", scenes) for k in range(1, 17)]
-    assert [key for share in shares for key in share] == list(scenes) and {
-        len(share) for share in shares
-    } == {36}
+    assert [key for share in shares for key in share] == list(scenes)
+    assert {len(share) for share in shares} == {36}
     # Each part has slow and fast, soft and stiff scenes, so all parts take about the
     # same time.
     assert all(
@@ -633,7 +632,8 @@ def test_an_address_without_a_scheduler_is_refused_soon(
                     answer(connections[-1])
 
         threading.Thread(target=serve, daemon=True).start()
-        began, address = time.monotonic(), f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        began = time.monotonic()
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
         with pytest.raises(InputError, match=f"no Dask scheduler answers at {address}"):
             run_sweep(load_sweep(SMALL), tmp_path / "out", scheduler=address)
         assert time.monotonic() - began < 8.0
@@ -651,11 +651,10 @@ def test_the_command_says_how_many_scenes_and_prints_fits_and_where_the_files_ar
     shown, notes = capsys.readouterr()
     assert "note: 12 scenes, 12 of them computed before" in notes
     assert notes.count("eta_star = 30 is per point") == notes.count("per point") == 1
-    assert "eta_star: 30, 2 lattices" in shown and "eq. (4) integrated" in shown
-    assert (
-        "12 points, 0 of them computed now, 0 failed" in shown
-        and f"files in {small.out}" in shown
-    )
+    assert "eta_star: 30, 2 lattices" in shown
+    assert "eq. (4) integrated" in shown
+    assert "12 points, 0 of them computed now, 0 failed" in shown
+    assert f"files in {small.out}" in shown
 
 
 def test_any_result_is_drawn_against_any_axis_with_bars_over_lattices(
@@ -704,4 +703,7 @@ def test_a_figure_cuts_no_label_off_whatever_is_changed(
     figure.savefig(io.BytesIO())
     box = figure.get_tightbbox(figure.canvas.get_renderer())
     width, height = figure.get_size_inches()
-    assert box.x0 >= 0.0 and box.y0 >= 0.0 and box.x1 <= width and box.y1 <= height
+    assert box.x0 >= 0.0
+    assert box.y0 >= 0.0
+    assert box.x1 <= width
+    assert box.y1 <= height

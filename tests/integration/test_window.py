@@ -29,7 +29,8 @@ MISSING = (
     else film_problem()
 )
 SEARCH = ["xdotool", "search", "--onlyvisible", "--name", "taichi-disk view"]
-DISK, BESIDE = (790, 250), (1180, 330)  # places in the disk and beside it [px]
+DISK = (790, 250)  # place in the disk [px]
+BESIDE = (1180, 330)  # place beside the disk [px]
 SETTINGS = ["lattice.points=300", "impact.velocity=0.05", "material.eta_star=1"]
 GROUND = 255 * np.array(THEMES["light"].ground)
 
@@ -46,7 +47,8 @@ def test_without_a_display_one_message_names_the_remedy(
     monkeypatch.setenv("DISPLAY", name)
     assert main(["view", "--window"]) == 1
     said = capsys.readouterr().err
-    assert told in said and "without --window" in said
+    assert told in said
+    assert "without --window" in said
 
 
 class Hand:
@@ -56,12 +58,16 @@ class Hand:
     def __init__(
         self, program: subprocess.Popen[str], environment: dict[str, str], out: Path
     ) -> None:
-        self._environment, self._out, self._pause = environment, out, 0.3
+        self._environment = environment
+        self._out = out
+        self._pause = 0.3
         # `search --sync` may miss a window that opens meanwhile, and waits for ever
         for _ in range(600):
-            if windows := subprocess.run(
+            search = subprocess.run(
                 SEARCH, env=environment, capture_output=True, text=True
-            ).stdout.split():
+            )
+            windows = search.stdout.split()
+            if windows:
                 break
             assert program.poll() is None, (
                 program.stderr.read() if program.stderr else ""
@@ -108,9 +114,10 @@ class Hand:
     def file(self, kind: str) -> Path:
         """The next file of its kind, which a key writes."""
         number = len(list(self._out.glob(f"*.{kind}"))) + 1
+        path = self._out / f"view-{number}.{kind}"
         self.key({"yaml": "w", "png": "p"}[kind])
         for _ in range(300):
-            if (path := self._out / f"view-{number}.{kind}").exists():
+            if path.exists():
                 return path
             time.sleep(0.1)
         raise AssertionError(f"{path} does not come")

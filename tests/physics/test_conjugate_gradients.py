@@ -28,7 +28,8 @@ LONG = pytest.mark.validate
 
 def body(name):
     if name == "rigid":
-        lattice, model = non_uniform(disk(90, height=0.02)), pressed(0.02, 0.3)
+        lattice = non_uniform(disk(90, height=0.02))
+        model = pressed(0.02, 0.3)
     else:
         lattice = disk_and_wall(60, 80, height=0.02)
         boundary = {
@@ -53,11 +54,10 @@ def test_iterated_dashpots_move_a_body_as_a_factor_does_and_go_on_from_a_saved_s
     direct = kernels.simulation(*body(name))
     monkeypatch.setattr(simulation, "LARGEST_FACTORISED", 0)
     iterated = simulation.Simulation(*body(name))
-    assert (
-        isinstance(iterated.kernels.solver, IterativeSolver)
-        and type(direct.kernels.solver) is not IterativeSolver
-    )
-    expected, rows = direct.advance(600, 50)[0], iterated.advance(600, 50)[0]
+    assert isinstance(iterated.kernels.solver, IterativeSolver)
+    assert type(direct.kernels.solver) is not IterativeSolver
+    expected = direct.advance(600, 50)[0]
+    rows = iterated.advance(600, 50)[0]
     assert expected[-1, INDEX["dissipated"]] > 1e-8
     assert (
         np.abs(rows - expected) <= 1e-8 * np.maximum(np.abs(expected).max(axis=0), 1e-3)
@@ -74,13 +74,15 @@ def test_iterated_dashpots_move_a_body_as_a_factor_does_and_go_on_from_a_saved_s
 def test_iterated_dashpots_move_subdomains_as_one_body(monkeypatch):
     runtime.start()
     monkeypatch.setattr(simulation, "LARGEST_FACTORISED", 0)
-    lattice, model = disk(900, height=0.02), pressed(0.02, 0.02)
+    lattice = disk(900, height=0.02)
+    model = pressed(0.02, 0.02)
     arguments = lattice, model, TRAPEZOIDAL, moving_down(lattice, 0.05), 2e-3
     serial = simulation.Simulation(*arguments)
     monkeypatch.setattr(ordering, "PARALLEL_FROM", 1)
     cut = simulation.Simulation(*arguments)
     assert cut.subdomains > 3
-    expected, rows = serial.advance(105, 21)[0], cut.advance(105, 21)[0]
+    expected = serial.advance(105, 21)[0]
+    rows = cut.advance(105, 21)[0]
     assert (
         np.abs(rows - expected) <= 1e-9 * np.maximum(np.abs(expected).max(axis=0), 1e-3)
     ).all()

@@ -31,7 +31,8 @@ def test_a_free_disk_keeps_its_momentum(eta_star, integrator, axial, kernels):
     # dashpots. Central forces have no torque, so angular momentum is conserved too,
     # also with axial dashpots; vector dashpots resist rotation.
     lattice = disk(80, height=1.0)  # out of every reach of the wall at y = 0
-    m, (x, v) = lattice.masses[0], shaken(lattice, 0, 0.02)
+    m = lattice.masses[0]
+    x, v = shaken(lattice, 0, 0.02)
     v += np.array([0.3, -0.2])
     model = damped(eta_star / 80) if eta_star else FALLING
     model = replace(model, springs=replace(model.springs, axial=axial))
@@ -40,7 +41,9 @@ def test_a_free_disk_keeps_its_momentum(eta_star, integrator, axial, kernels):
     )
     columns = advance(simulation, 2000, 2000)
     end = {name: column[-1] for name, column in columns.items()}
-    x1, v1, linear = simulation.positions(), simulation.velocities(), m * v.sum(axis=0)
+    x1 = simulation.positions()
+    v1 = simulation.velocities()
+    linear = m * v.sum(axis=0)
     for after in (m * v1.sum(axis=0), [end["com_vx"], end["com_vy"]]):
         assert_allclose(after, linear, rtol=0, atol=1e-12)
     # The centre of mass flies straight: x_0 + v t.
@@ -63,13 +66,18 @@ def test_dashpots_brake_a_rotation(integrator, kernels):
     # The dashpot acts on the full relative velocity, eq. (3): v_i - v_j = Omega x r_ij.
     # Power eta Omega^2 sum r_ij^2, torque -eta Omega sum r_ij^2. (An axial dashpot does
     # not act on a rotation.)
-    lattice, eta, spin, h, steps = disk(60, height=1.0), 0.05, 0.02, 1e-5, 20
+    lattice = disk(60, height=1.0)
+    eta = 0.05
+    spin = 0.02
+    h = 1e-5
+    steps = 20
     x = lattice.positions - lattice.positions.mean(axis=0)
     v = spin * np.stack([-x[:, 1], x[:, 0]], axis=1)
     columns = advance(
         kernels.simulation(lattice, damped(eta), integrator, v, h), steps, steps
     )
-    momentum, squares = columns["angular_momentum"], np.sum(lattice.rest_lengths**2)
+    momentum = columns["angular_momentum"]
+    squares = np.sum(lattice.rest_lengths**2)
     assert momentum[0] == pytest.approx(spin * np.sum(x**2) / 60, rel=1e-12)
     # The rates at t = 0; they change once the disk is no longer in rigid rotation,
     # after 1/(11 eta/m) ~ 0.03 R/c.
@@ -84,9 +92,12 @@ def test_dashpots_brake_a_rotation(integrator, kernels):
 def test_two_points_on_a_spring_swing_as_leapfrog_must(kernels):
     # s'' = -(2 k/m) s. Leapfrog's own solution is s_k = s_0 cos(k theta), theta = 2
     # asin(h omega/2), exactly, up to its limit h omega = 2.
-    k, s0, pair = 1.7, 0.05, chain([(0.0, 0.0), (0.8, 0.0)], [(0, 1)], 0.3)
+    k = 1.7
+    s0 = 0.05
+    pair = chain([(0.0, 0.0), (0.8, 0.0)], [(0, 1)], 0.3)
     stretched = replace(pair, positions=np.array([[-s0 / 2, 0.0], [0.8 + s0 / 2, 0.0]]))
-    model, omega = replace(FREE, springs=Springs(k)), np.sqrt(2 * k / 0.3)
+    model = replace(FREE, springs=Springs(k))
+    omega = np.sqrt(2 * k / 0.3)
     for h in (0.01, 1.9 / omega):
         theta = 2 * np.arcsin(h * omega / 2)
         simulation = kernels.simulation(
@@ -94,7 +105,8 @@ def test_two_points_on_a_spring_swing_as_leapfrog_must(kernels):
         )
         for steps in (1, 7, 300):
             simulation.advance(steps - simulation.step_number)
-            x, v = simulation.positions()[:, 0], simulation.velocities()[:, 0]
+            x = simulation.positions()[:, 0]
+            v = simulation.velocities()[:, 0]
             assert x[1] - x[0] - 0.8 == pytest.approx(
                 s0 * np.cos(steps * theta), abs=1e-12
             )
@@ -126,9 +138,12 @@ def test_a_flat_wall_gives_a_spinning_disk_no_sideways_push_and_just_its_torque(
     scenario, outcome = computed(
         kernels, "exponential_wall", *settings, *fine, estimate=False
     )
-    columns, wall, h = outcome.columns, scenario.model.wall, outcome.summary["dt"]
+    columns = outcome.columns
+    wall = scenario.model.wall
+    h = outcome.summary["dt"]
     arm = scenario.lattice.positions - scenario.lattice.positions.mean(axis=0)
-    spin, force = columns["angular_momentum"], columns["wall_force"]
+    spin = columns["angular_momentum"]
+    force = columns["wall_force"]
     assert spin[0] == pytest.approx(0.3 * np.sum(arm**2) / 40, rel=1e-12)
     assert np.abs(columns["com_vx"]).max() < 1e-12
     assert_allclose(

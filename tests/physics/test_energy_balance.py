@@ -19,7 +19,8 @@ from taichi_disk.integrators import TRAPEZOIDAL, VELOCITY_VERLET
 
 N = 60
 ENERGIES = ("kinetic", "elastic", "wall", "load", "dissipated", "absorbed", "sliding")
-VV, LONG = VELOCITY_VERLET, pytest.mark.validate
+VV = VELOCITY_VERLET
+LONG = pytest.mark.validate
 
 
 def imbalance(columns):
@@ -67,7 +68,8 @@ def imbalance(columns):
 )
 def test_energy_is_accounted_for_at_the_automatic_step(scene, kernels):
     _, outcome = computed(kernels, *scene, estimate=False)
-    columns, energy = outcome.columns, outcome.summary["energy"]
+    columns = outcome.columns
+    energy = outcome.summary["energy"]
     assert_allclose(
         columns["total"],
         np.sum([columns[name] for name in ENERGIES], axis=0),
@@ -79,7 +81,8 @@ def test_energy_is_accounted_for_at_the_automatic_step(scene, kernels):
     lost = imbalance(columns) / scale
     assert energy["closing_imbalance"] == pytest.approx(lost[-1], abs=1e-12)
     assert energy["worst_imbalance"] == pytest.approx(np.abs(lost).max(), abs=1e-12)
-    assert abs(lost[-1]) < 2e-5 and np.abs(lost).max() < 1e-4
+    assert abs(lost[-1]) < 2e-5
+    assert np.abs(lost).max() < 1e-4
     # Losses only grow. (Centred sums may dip by their own error.)
     for name in ("dissipated", "absorbed"):
         assert np.diff(columns[name]).min() >= -1e-6 * scale
@@ -155,7 +158,9 @@ def test_losses_are_recorded_where_they_occur(kernels):
     # The boundary already moves at the start; otherwise the wave would have to arrive
     # first.
     velocities[lattice.disk_points :] = [0.01, -0.02]
-    h, (i, j), powers = 1e-3, lattice.bonds.T, []
+    h = 1e-3
+    i, j = lattice.bonds.T
+    powers = []
     simulation = kernels.simulation(lattice, model, TRAPEZOIDAL, velocities, h)
     for step in range(401):
         columns = advance(simulation, min(step, 1))
@@ -188,4 +193,5 @@ def test_the_energy_that_a_point_loses_by_sliding_over_the_bent_wall_is_recorded
         found.append((np.abs(total - total[0]).max(), halves[1]["sliding"][-1]))
     (coarse, slid), (fine, again) = found
     assert coarse / fine == pytest.approx(4.0, abs=0.4)
-    assert slid == pytest.approx(again, rel=0.2) and abs(again) > 100 * fine
+    assert slid == pytest.approx(again, rel=0.2)
+    assert abs(again) > 100 * fine

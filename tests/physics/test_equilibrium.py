@@ -26,7 +26,8 @@ from taichi_disk.statics.equilibrium import (
     turned,
 )
 
-P, LONG = 1e-2, pytest.mark.validate
+P = 1e-2
+LONG = pytest.mark.validate
 WALL = ExponentialWall(300.0, 150.0)
 MODEL = pressed(P, k_b=1e-3)
 
@@ -134,7 +135,8 @@ def test_an_equilibrium_that_is_not_found_is_an_error():
 def test_a_rigid_disk_lies_with_its_centre_of_mass_as_low_as_it_can():
     # Find the height at which a wall exp(-y/L) carries the weight, by bisection, at 500
     # angles. Points inside the disk contribute less than exp(-10) here.
-    arm, depth = spread(disk(150, 4).positions), 1 / 3000 + 2e-3 / np.pi
+    arm = spread(disk(150, 4).positions)
+    depth = 1 / 3000 + 2e-3 / np.pi
 
     def height(angle):
         y = np.sin(angle) * arm[:, 0] + np.cos(angle) * arm[:, 1]
@@ -150,7 +152,8 @@ def test_a_rigid_disk_lies_with_its_centre_of_mass_as_low_as_it_can():
 
 def test_it_does_not_matter_how_the_lattice_is_turned_when_it_is_put_down():
     scene = load_scene("compression", ("compression.method=newton",))
-    lattice, found = disk_lattice(150, 0, False, 0.0), []
+    lattice = disk_lattice(150, 0, False, 0.0)
+    found = []
     for angle in (0.0, 1.0, -2.0):
         scenario = scene.scenario(
             replace(lattice, positions=turned(lattice.positions, angle))
@@ -171,14 +174,14 @@ def loading():
 
 def test_every_row_of_a_loading_is_an_equilibrium_of_plain_numpy(loading):
     _, scenario, outcome = loading
-    lattice, columns = scenario.lattice, outcome.columns
-    assert (
-        0.0 < columns["t"][0] < 0.01
-        and columns["t"][-1] == 1.0
-        and (np.diff(columns["t"]) > 0.0).all()
-    )
+    lattice = scenario.lattice
+    columns = outcome.columns
+    assert 0.0 < columns["t"][0] < 0.01
+    assert columns["t"][-1] == 1.0
+    assert (np.diff(columns["t"]) > 0.0).all()
     for row, (t, x, v) in enumerate(outcome.replay(columns["t"])):
-        assert t == columns["t"][row] and not v.any()
+        assert t == columns["t"][row]
+        assert not v.any()
         plain = reference.Model(lattice, replace(scenario.model, load=Load(t * P)))
         expected = {
             "com_x": x[:, 0].mean(),
@@ -194,14 +197,12 @@ def test_every_row_of_a_loading_is_an_equilibrium_of_plain_numpy(loading):
             expected, rel=1e-11, abs=1e-17
         )
         assert columns["wall_force"][row] == pytest.approx(t * P, rel=1e-9)
-        assert (
-            np.abs(plain.force(x, v)).max() < 1e-9 * t * P / 100
-            and columns["residual"][row] < 1e-9 * t * P / 100
-        )
-    x, values = outcome.positions, scenario.result(columns)
-    assert np.array_equal(next(outcome.replay(np.array([1.0])))[1], x) and columns[
-        "xi"
-    ][-1] == pytest.approx(values["xi"], rel=1e-12)
+        assert np.abs(plain.force(x, v)).max() < 1e-9 * t * P / 100
+        assert columns["residual"][row] < 1e-9 * t * P / 100
+    x = outcome.positions
+    values = scenario.result(columns)
+    assert np.array_equal(next(outcome.replay(np.array([1.0])))[1], x)
+    assert columns["xi"][-1] == pytest.approx(values["xi"], rel=1e-12)
     assert values["xi"] == pytest.approx(xi(lattice, x), rel=1e-12)
     assert values["xi_nominal"] == pytest.approx(
         1.0 - (x[:, 1].mean() - x[:, 1].min()), rel=1e-12
@@ -212,29 +213,26 @@ def test_every_row_of_a_loading_is_an_equilibrium_of_plain_numpy(loading):
 def test_the_load_s_work_is_stored_and_the_potential_s_slope_is_the_centre_s_height():
     # dV/dP = y_cm for V = U + P y_cm (Hellmann and Feynman), and dU = -P dy_cm; by the
     # trapezoidal rule.
-    scene, off = (
-        load_scene("compression", ("lattice.points=30", "compression.method=newton")),
-        [],
+    scene = load_scene(
+        "compression", ("lattice.points=30", "compression.method=newton")
     )
+    off = []
     for loads in (24, 96):
         columns = compute(scene.scenario(), loads=loads).columns
-        force, y, stored = (
-            P * columns["t"],
-            columns["com_y"],
-            columns["elastic"] + columns["wall"],
-        )
-        work, potential = trapezoid(force, -y), trapezoid(y, force)
+        force = P * columns["t"]
+        y = columns["com_y"]
+        stored = columns["elastic"] + columns["wall"]
+        work = trapezoid(force, -y)
+        potential = trapezoid(y, force)
         off.append(
             (
                 abs(work / np.ptp(stored) - 1.0),
                 abs(np.ptp(columns["total"]) / potential - 1.0),
             )
         )
-    assert (
-        off[0] < (3e-3, 3e-5)
-        and off[1][0] < off[0][0] / 5
-        and off[1][1] < off[0][1] / 5
-    )
+    assert off[0] < (3e-3, 3e-5)
+    assert off[1][0] < off[0][0] / 5
+    assert off[1][1] < off[0][1] / 5
 
 
 @pytest.mark.parametrize("row", [0, 5, 14])
@@ -242,7 +240,8 @@ def test_each_load_of_a_loading_compresses_as_much_as_a_run_under_that_load_alon
     loading, row
 ):
     scene, _, outcome = loading
-    part, found = outcome.columns["t"][row], outcome.columns["xi"][row]
+    part = outcome.columns["t"][row]
+    found = outcome.columns["xi"][row]
     alone = scene.with_({"compression.pressure": float(part * P)}).scenario()
     # and lies as it would then
     assert abs(alone.rest.roll - loading[1].rest.roll) > 0.05
@@ -251,31 +250,29 @@ def test_each_load_of_a_loading_compresses_as_much_as_a_run_under_that_load_alon
 
 def test_a_state_at_any_load_is_an_equilibrium_and_a_film_s_is_near_it(loading):
     _, scenario, outcome = loading
-    columns, asked = outcome.columns, np.array([0.0, 0.4, 0.5, 1.0])
+    columns = outcome.columns
+    asked = np.array([0.0, 0.4, 0.5, 1.0])
     for (t, x, _), (same, drawn, _) in zip(
         outcome.replay(asked), outcome.frames(asked), strict=True
     ):
         model = replace(scenario.model, load=Load(t * P))
-        assert (
-            t == same
-            and np.abs(forces(scenario.lattice, model, x)).max() < 1e-9 * t * P / 100
-        )
+        assert t == same
+        assert np.abs(forces(scenario.lattice, model, x)).max() < 1e-9 * t * P / 100
         assert (
             (np.abs(drawn - x).max() < 1e-4)
             if t not in columns["t"]
             else np.array_equal(drawn, x)
         )
     # under no load at all it rests nowhere
-    assert t == 1.0 and next(outcome.replay(asked))[0] == columns["t"][0]
+    assert t == 1.0
+    assert next(outcome.replay(asked))[0] == columns["t"][0]
 
 
 def test_the_rest_under_the_full_load_alone_is_bitwise_that_of_the_loading(loading):
     scene, scenario, outcome = loading
     alone = compute(scene.scenario(), loads=1)
-    assert (
-        np.array_equal(alone.positions, outcome.positions)
-        and alone.summary == outcome.summary
-    )
+    assert np.array_equal(alone.positions, outcome.positions)
+    assert alone.summary == outcome.summary
     assert scenario.result(alone.columns) == scenario.result(outcome.columns)
     assert {name: values[-1] for name, values in outcome.columns.items()} == {
         name: values[0] for name, values in alone.columns.items()
@@ -295,7 +292,8 @@ def test_relaxation_comes_to_newtons_rest(settings, rolls, kernels):
     at that of the rigid disk."""
     scene = load_scene("compression", settings)
     scenario = scene.scenario()
-    lattice, model = scenario.lattice, scenario.model
+    lattice = scenario.lattice
+    model = scenario.model
     if rolls:
         angle = resting_angle(scene.body(), 1.0, WALL.a, P)
         assert abs(scenario.rest.roll - angle) > 0.02
@@ -303,10 +301,8 @@ def test_relaxation_comes_to_newtons_rest(settings, rolls, kernels):
         scenario = replace(scenario, lattice=placed)
     start = scenario.lattice.positions
     outcome = compute(scenario)
-    values, rest = (
-        scenario.result(outcome.columns),
-        solve_equilibrium(lattice, model, lattice.positions),
-    )
+    values = scenario.result(outcome.columns)
+    rest = solve_equilibrium(lattice, model, lattice.positions)
     assert abs(rest.roll) < 1e-6
     # The remaining difference is the end of the roll.
     assert values["xi"] == pytest.approx(xi(lattice, rest.positions), rel=2e-5)
@@ -316,7 +312,8 @@ def test_relaxation_comes_to_newtons_rest(settings, rolls, kernels):
     assert np.abs(model.springs.strain(lattice, start)).max() < 1e-12
     assert wall_force(start)[:, 1].sum() == pytest.approx(1e-3 * P, rel=1e-9)
     # At the end no point feels a force, compared with the load P/N.
-    x, slack = outcome.positions, values["xi_extrapolated"] + 1e-12
+    x = outcome.positions
+    slack = values["xi_extrapolated"] + 1e-12
     assert np.abs(forces(lattice, model, x)).max() < 1e-3 * P / lattice.disk_points
     assert wall_force(x)[:, 1].sum() == pytest.approx(P, rel=1e-6)
     assert values["xi"] == pytest.approx(xi(lattice, x), abs=slack)
@@ -371,12 +368,11 @@ def test_xi_is_near_that_of_the_continuum():
     # Michell's series for one contact and a uniform body force: xi = P/(pi E) {ln(pi E
     # R/P) - (1 + nu)/4}, with the moduli of a stretch test. The wall is not quite hard
     # and the lattice not quite a continuum: 2 to 7 % lower.
-    lattice, moduli, pressure = (
-        disk_lattice(1099, 0),
-        bulk_moduli(1099, 0, 1.0, 0.7),
-        1.6e-2,
-    )
-    E, nu = moduli.young, moduli.poisson
+    lattice = disk_lattice(1099, 0)
+    moduli = bulk_moduli(1099, 0, 1.0, 0.7)
+    pressure = 1.6e-2
+    E = moduli.young
+    nu = moduli.poisson
     law = pressure / (np.pi * E) * (np.log(np.pi * E / pressure) - (1 + nu) / 4)
     found = rest_of(lattice, pressed(pressure, k_b=1e-3)).positions
     assert xi(lattice, found) == pytest.approx(law, rel=0.1)
@@ -410,7 +406,5 @@ def test_xi_keeps_its_sign():
     )
     columns = compute(scenario).columns
     difference = (unloaded.mean() - unloaded.min()) - (rest.mean() - rest.min())
-    assert (
-        scenario.result(columns)["xi"] == pytest.approx(difference, rel=1e-9)
-        and difference < 0.0
-    )
+    assert scenario.result(columns)["xi"] == pytest.approx(difference, rel=1e-9)
+    assert difference < 0.0

@@ -38,8 +38,10 @@ from taichi_disk.physics import (
 from taichi_disk.simulation.observables import INDEX
 
 VV = VELOCITY_VERLET
-DISK, BOTH = disk(height=0.03), disk_and_wall()
-SOFT, ELASTIC = ExponentialWall(20.0, 0.02), ElasticWall(20.0, 0.02, 0.1)
+DISK = disk(height=0.03)
+BOTH = disk_and_wall()
+SOFT = ExponentialWall(20.0, 0.02)
+ELASTIC = ElasticWall(20.0, 0.02, 0.1)
 CASES = {
     "free": (disk(), replace(FREE, springs=Springs(0.7)), VV),
     "wall, cubic springs": (DISK, replace(FALLING, wall=SOFT), VV),
@@ -103,7 +105,8 @@ RARE = "non-uniform, elastic wall, pinned", "non-uniform, wall, axial dashpots"
 )
 def test_kernels_and_numpy_have_the_forces_and_energies_of_plain_numpy(name, kernels):
     lattice, model, integrator = CASES[name]
-    plain, springs = reference.Model(lattice, model), model.springs
+    plain = reference.Model(lattice, model)
+    springs = model.springs
     for seed in range(3):
         x, v = shaken(lattice, seed, 0.01)
         if plain.pinned:
@@ -111,10 +114,8 @@ def test_kernels_and_numpy_have_the_forces_and_energies_of_plain_numpy(name, ker
         simulation = kernels.simulation(
             replace(lattice, positions=x), model, integrator, v, 1e-3
         )
-        f, wall = (
-            simulation.snapshot().vectors[2],
-            plain.wall_force(x)[: lattice.disk_points],
-        )
+        f = simulation.snapshot().vectors[2]
+        wall = plain.wall_force(x)[: lattice.disk_points]
         # Implicit dashpots act at the velocity in the middle of the first step.
         at = (
             v + 0.5 * simulation.dt / lattice.masses[:, None] * f
@@ -171,7 +172,9 @@ def test_the_force_is_minus_the_slope_of_the_reported_energies(name, kernels):
             [INDEX[name] for name in ("elastic", "wall", "load")]
         ].sum()
 
-    force, d, surface = plain.force(x, v), 2e-7, lattice.wall_surface
+    force = plain.force(x, v)
+    d = 2e-7
+    surface = lattice.wall_surface
     lowest = np.argsort(x[: lattice.disk_points, 1])[:4]
     under = surface[np.argsort(np.abs(x[surface, 0] - x[lowest[0], 0]))[:3]]
     for i in [*lowest, *under, *np.random.default_rng(3).integers(0, len(x), 8)]:
@@ -194,7 +197,9 @@ def test_the_force_is_minus_the_slope_of_the_reported_energies(name, kernels):
 )
 def test_the_stiffness_is_minus_the_derivative_of_the_forces(lattice):
     model = pressed(0.02, k_b=40.0)
-    plain, x, d = reference.Model(lattice, model), shaken(lattice, 1, 0.02)[0], 3e-7
+    plain = reference.Model(lattice, model)
+    x = shaken(lattice, 1, 0.02)[0]
+    d = 3e-7
     tangent = model.stiffness(lattice, x).toarray()
     for k in range(x.size):
         step = d * np.eye(1, x.size, k).reshape(x.shape)
@@ -206,7 +211,8 @@ def test_the_stiffness_is_minus_the_derivative_of_the_forces(lattice):
 
 
 def test_springs_at_rest_resist_all_but_rigid_motion():
-    lattice, springs = disk(60), Springs(1.3, 40.0)
+    lattice = disk(60)
+    springs = Springs(1.3, 40.0)
     assert not springs.forces(lattice, lattice.positions).any()
     modes = np.linalg.eigvalsh(springs.stiffness(lattice, lattice.positions).toarray())
     assert np.abs(modes[:3]).max() < 1e-12 * modes[-1] < 1e-3 * modes[3]

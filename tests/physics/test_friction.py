@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -55,8 +56,11 @@ def test_spin_and_sideways_velocity_change_by_just_what_the_wall_does(throw, ker
     # changes the angular momentum. (The start is so far away that the half force of the
     # first step is negligible.)
     scenario, outcome, found = impact(kernels, *throw, *ROWS, "impact.gap=0.11")
-    columns, h = outcome.columns, outcome.summary["dt"]
-    wall, torque, push = scenario.model.wall, 0.0, 0.0
+    columns = outcome.columns
+    h = outcome.summary["dt"]
+    wall = scenario.model.wall
+    torque = 0.0
+    push = 0.0
     for _, x, v in outcome.replay(columns["t"]):
         normal = wall.a * wall.V0 * np.exp(-wall.a * x[:, 1])
         _, both = wall.contact_forces(scenario.lattice, x, v, scenario.model.springs)
@@ -70,10 +74,8 @@ def test_spin_and_sideways_velocity_change_by_just_what_the_wall_does(throw, ker
     # step.
     allowed = 1e-12 if throw is SLIDING else 2e-3 * abs(change)
     assert change == pytest.approx(torque, abs=allowed)
-    assert (
-        found["tangential_impulse"] == pytest.approx(push, abs=allowed)
-        and abs(push) > 1e-3
-    )
+    assert found["tangential_impulse"] == pytest.approx(push, abs=allowed)
+    assert abs(push) > 1e-3
     assert found["spin_after"] - scenario.scene.impact.spin == pytest.approx(
         change / inertia(scenario), rel=1e-9
     )
@@ -87,12 +89,17 @@ def test_spin_and_sideways_velocity_change_by_just_what_the_wall_does(throw, ker
 def test_every_point_obeys_coulomb_at_every_step(alike, kernels):
     # The force on a pushed point minus springs and normal force is friction: mu times
     # the normal force against the next velocity, or less if that velocity is 0.
-    body, mu, h, slid, stuck = Lattice.disk(60), 0.5, 0.01, 0, 0
+    body = Lattice.disk(60)
+    mu = 0.5
+    h = 0.01
+    slid = 0
+    stuck = 0
     if not alike:
         masses = np.random.default_rng(2).uniform(0.5, 2.0, 60)
         body = Lattice.from_points(body.positions, masses=masses)
     scenario = load_scene("exponential_wall", STICKING).scenario(body)
-    lattice, model = scenario.lattice, scenario.model
+    lattice = scenario.lattice
+    model = scenario.model
     simulation = kernels.simulation(
         lattice, model, VELOCITY_VERLET, scenario.velocities, h
     )
@@ -100,7 +107,8 @@ def test_every_point_obeys_coulomb_at_every_step(alike, kernels):
         simulation.advance(1)
         x, v, f = simulation.snapshot().vectors
         others = model.springs.forces(lattice, x)[:, 0]
-        friction, coming = f[:, 0] - others, v[:, 0] + h / lattice.masses * f[:, 0]
+        friction = f[:, 0] - others
+        coming = v[:, 0] + h / lattice.masses * f[:, 0]
         most = mu * model.wall.forces(lattice, x)[:, 1]
         assert (np.abs(friction) <= most * (1 + 1e-9) + 1e-13).all()
         pushed = most > 1e-8
@@ -108,8 +116,10 @@ def test_every_point_obeys_coulomb_at_every_step(alike, kernels):
         assert_allclose(
             friction[moving], (-most * np.sign(coming))[moving], rtol=1e-6, atol=1e-12
         )
-        slid, stuck = slid + int(moving.sum()), stuck + int((pushed & ~moving).sum())
-    assert min(slid, stuck) > 50 and simulation.now[INDEX["com_vy"]] > 0.0
+        slid = slid + int(moving.sum())
+        stuck = stuck + int((pushed & ~moving).sum())
+    assert min(slid, stuck) > 50
+    assert simulation.now[INDEX["com_vy"]] > 0.0
 
 
 def test_a_throw_and_its_mirror_image_are_mirror_images(kernels):
@@ -140,14 +150,13 @@ def test_a_frictionless_throw_at_an_angle_equals_that_of_dop853(kernels):
         "impact.velocity=0.03",
     )
     scenario, outcome, found = impact(kernels, *settings)
-    solver, end = (
-        reference.Model(scenario.lattice, scenario.model),
-        outcome.columns["t"][-1],
-    )
+    solver = reference.Model(scenario.lattice, scenario.model)
+    end = outcome.columns["t"][-1]
     x, v = solver.solve(
         scenario.lattice.positions, scenario.velocities, (0.0, end), rtol=1e-10
     )[-1]
-    arm, v_cm = x - x.mean(axis=0), v.mean(axis=0)
+    arm = x - x.mean(axis=0)
+    v_cm = v.mean(axis=0)
     spin = np.mean(arm[:, 0] * v[:, 1] - arm[:, 1] * v[:, 0]) / inertia(scenario)
     assert found["restitution"] == pytest.approx(
         v_cm[1] / (0.03 * np.cos(0.8)), abs=2e-5
@@ -170,7 +179,8 @@ def test_sliding_is_of_order_2_against_dop853(kernels):
 
     lattice, velocities, model = bouncing("rigid", 40, 0.0)
     velocities[:, 0] += 0.3
-    model, end = replace(model, wall=ExponentialWall(A, V0, 0.2)), 1.92
+    model = replace(model, wall=ExponentialWall(A, V0, 0.2))
+    end = 1.92
     x, v = Rough(lattice, model).solve(
         lattice.positions, velocities, (0.0, end), 1e-10
     )[-1]
@@ -187,7 +197,8 @@ def test_sliding_is_of_order_2_against_dop853(kernels):
             ]
         )
     assert_allclose(np.log2(np.array(errors[0]) / errors[1]), 2.0, atol=0.1)
-    assert errors[1][0] < 2e-6 and v[:, 0].mean() < 0.299
+    assert errors[1][0] < 2e-6
+    assert v[:, 0].mean() < 0.299
 
 
 def test_a_run_with_e_above_1_says_which_energy_became_flight(kernels):
@@ -197,21 +208,15 @@ def test_a_run_with_e_above_1_says_which_energy_became_flight(kernels):
     assert found["restitution"] > 1.01
     (text,) = outcome.summary["warnings"]
     rotation = inertia(scenario) * (0.3**2 - found["spin_after"] ** 2) / 0.05**2
-    assert (
-        text.startswith("e is above 1")
-        and f"{rotation:+.3f}" in text
-        and "+0 from the flight along" in text
-    )
+    assert text.startswith("e is above 1")
+    assert f"{rotation:+.3f}" in text
+    assert "+0 from the flight along" in text
     _, outcome, found = impact(kernels, *throw)
-    assert found["restitution"] < 1.0 and not outcome.summary["warnings"]
+    assert found["restitution"] < 1.0
+    assert not outcome.summary["warnings"]
 
 
-THROWS = [
-    (angle, mu, spin)
-    for angle in (0.2, 0.6, 1.0, 1.3)
-    for mu in (0.1, 0.3, 0.8)
-    for spin in (0.0, 0.03)
-]
+THROWS = list(product((0.2, 0.6, 1.0, 1.3), (0.1, 0.3, 0.8), (0.0, 0.03)))
 
 
 @pytest.mark.parametrize(
@@ -225,12 +230,10 @@ def test_where_points_stick_errors_fall_as_the_square_of_the_step_on_average(
     # Compared with 1/64 of the first step, 0.016 R/c. The time when a point begins to
     # stick is known to within a step, so errors of a single throw fall in jumps. The
     # geometric mean over 24 throws falls with the power 1.85.
-    scene, end, errors, imbalance = (
-        load_scene("exponential_wall", ["lattice.points=150"]),
-        12.8,
-        [],
-        [],
-    )
+    scene = load_scene("exponential_wall", ["lattice.points=150"])
+    end = 12.8
+    errors = []
+    imbalance = []
     for angle, mu, spin in throws:
         keys = {
             "impact.angle": angle,
@@ -238,7 +241,8 @@ def test_where_points_stick_errors_fall_as_the_square_of_the_step_on_average(
             "wall.friction": mu,
             "material.eta_star": 0,
         }
-        scenario, found = scene.with_(keys).scenario(), []
+        scenario = scene.with_(keys).scenario()
+        found = []
         for count in (800, 1600, 3200, 51_200):
             start = (
                 scenario.lattice,
@@ -258,10 +262,10 @@ def test_where_points_stick_errors_fall_as_the_square_of_the_step_on_average(
         errors.append(np.abs(np.array(found[:-1]) - found[-1]).max(axis=1))
     means = np.exp(np.log(errors).mean(axis=0))
     assert 1.6 < 0.5 * np.log2(means[0] / means[2]) < 2.4
-    assert means[0] < 1e-7 and np.max(errors) < 1e-6
-    assert np.max(imbalance[0::4]) < 3e-4 and np.max(imbalance[2::4]) < 0.1 * np.max(
-        imbalance[0::4]
-    )
+    assert means[0] < 1e-7
+    assert np.max(errors) < 1e-6
+    assert np.max(imbalance[0::4]) < 3e-4
+    assert np.max(imbalance[2::4]) < 0.1 * np.max(imbalance[0::4])
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.validate)])
@@ -315,7 +319,8 @@ def test_friction_alone_brakes_no_straight_throw_and_has_no_restitution_of_its_o
 ):
     _, _, found = impact(kernels, *SMALL, "wall.friction=0.3")
     _, _, plain = impact(kernels, *SMALL)
-    assert "tangential_restitution" not in found and list(plain) == [
+    assert "tangential_restitution" not in found
+    assert list(plain) == [
         "restitution",
         "contact_time",
     ]
@@ -334,9 +339,11 @@ def test_a_disk_flying_sideways_meets_the_middle_of_an_elastic_wall(angle, kerne
     scenario, outcome = computed(
         kernels, "absorbing_wall", *wall, *thrown, estimate=False
     )
-    columns, found = outcome.columns, scenario.result(outcome.columns)
+    columns = outcome.columns
+    found = scenario.result(outcome.columns)
     first = int(np.argmax(columns["wall_force"] > 0.01 * columns["wall_force"].max()))
-    assert abs(columns["com_x"][first]) < 0.11 and abs(columns["com_x"][0]) > 1.2
+    assert abs(columns["com_x"][first]) < 0.11
+    assert abs(columns["com_x"][0]) > 1.2
     # The wall is level and has no friction, so only its dent pushes sideways.
     assert 0.0 < abs(found["tangential_impulse"]) < 0.02 * found["normal_impulse"]
     assert found["normal_impulse"] == pytest.approx(
@@ -349,10 +356,8 @@ def test_on_an_elastic_wall_a_disk_may_start_anywhere(kernels):
     scene = load_scene(
         "absorbing_wall", ["lattice.points=60", "wall.points=100", "impact.offset=-0.4"]
     )
-    scenario, plain = (
-        scene.scenario(),
-        scene.with_({"impact.offset": "auto"}).scenario(),
-    )
+    scenario = scene.scenario()
+    plain = scene.with_({"impact.offset": "auto"}).scenario()
     assert_allclose(
         scenario.lattice.positions[:60] - plain.lattice.positions[:60],
         np.tile([-0.4, 0.0], (60, 1)),
@@ -371,11 +376,9 @@ def test_the_stiffer_an_elastic_wall_the_nearer_it_is_to_the_rigid_one(kernels):
         "impact.spin=0.03",
     )
     _, _, rigid = impact(kernels, *thrown)
-    wall, off, sideways = (
-        ("wall.points=100", "wall.width=3.4", "wall.boundary=pinned"),
-        [],
-        [],
-    )
+    wall = ("wall.points=100", "wall.width=3.4", "wall.boundary=pinned")
+    off = []
+    sideways = []
     for k_a in (100, 1000):
         scenario, outcome = computed(
             kernels, "absorbing_wall", *thrown, *wall, f"wall.k_a={k_a}", estimate=False
@@ -386,9 +389,8 @@ def test_the_stiffer_an_elastic_wall_the_nearer_it_is_to_the_rigid_one(kernels):
         )
         sideways.append(found["tangential_impulse"])
     assert all(8.0 < before / after < 15.0 for before, after in zip(*off, strict=True))
-    assert off[1][0] < 1e-4 and sideways[0] / sideways[1] == pytest.approx(
-        10.0, rel=0.1
-    )
+    assert off[1][0] < 1e-4
+    assert sideways[0] / sideways[1] == pytest.approx(10.0, rel=0.1)
 
 
 def test_springs_of_the_elastic_wall_have_a_stiffness_of_their_own():
@@ -425,7 +427,8 @@ def test_results_along_the_wall_do_not_depend_on_how_far_from_it_the_run_ends(ke
             for text in warnings(scenario, outcome.columns)
             if "after the contact" in text
         ]
-        assert len(messages) == 1 and "axial" in messages[0]
+        assert len(messages) == 1
+        assert "axial" in messages[0]
     assert_allclose(
         found, np.broadcast_to(found[-1], np.shape(found)), rtol=2e-3, atol=1e-5
     )

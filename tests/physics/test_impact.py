@@ -25,10 +25,8 @@ TURNING = ("lattice.points=5", "lattice.seed=2", "impact.turn=0.51")
 def reference_impact(scenario, end):
     """Return e at `end` and the contact time by DOP853 on the same lattice, with 4000
     samples of the wall's force."""
-    model, t = (
-        reference.Model(scenario.lattice, scenario.model),
-        np.linspace(0.0, end, 4001),
-    )
+    model = reference.Model(scenario.lattice, scenario.model)
+    t = np.linspace(0.0, end, 4001)
     states = model.solve(scenario.lattice.positions, scenario.velocities, t, rtol=1e-10)
     force = np.array([model.wall_force(x)[:, 1].sum() for x, _ in states])
     inside = t[force >= 0.01 * force.max()]
@@ -58,17 +56,16 @@ def test_restitution_and_contact_time_equal_those_of_dop853(
         "time.sample_interval=0.02",
     )
     scenario, outcome = computed(kernels, "exponential_wall", *settings)
-    values, end = scenario.result(outcome.columns), outcome.columns["t"][-1]
+    values = scenario.result(outcome.columns)
+    end = outcome.columns["t"][-1]
     # until the wall's last potential is energy of the flight
     end += 8.0 / (scenario.model.wall.a * velocity)
     e, duration = reference_impact(scenario, end)
     # The error of 1099 points at the automatic step is below 2e-5, and so is its
     # estimate.
     off = abs(values["restitution"] - e)
-    assert (
-        off < 2e-5
-        and off <= 1.5 * outcome.summary["error_estimate"]["restitution"] < 5e-5
-    )
+    assert off < 2e-5
+    assert off <= 1.5 * outcome.summary["error_estimate"]["restitution"] < 5e-5
     # The times of the reference have a resolution of 1/4000 of the run.
     assert values["contact_time"] == pytest.approx(duration, abs=2 * end / 4000)
     assert values["restitution"] == pytest.approx(
@@ -87,7 +84,8 @@ def test_a_viscosity_is_that_of_the_body_and_eta_star_that_of_a_point(kernels):
         return np.array([run.columns["com_vy"][-1] for run in runs]) / 0.02
 
     eta = {"viscosity": 10.0 / 1099}
-    few, many = thrown(300, **eta), thrown(1099, **eta)
+    few = thrown(300, **eta)
+    many = thrown(1099, **eta)
     scatter = few.std(ddof=1)
     assert abs(few.mean() - many.mean()) < 3.0 * scatter < 0.01
     assert_array_equal(thrown(1099, eta_star=10.0), many)  # eta_star/N, bit for bit
@@ -116,10 +114,8 @@ def test_an_automatic_step_resolves_the_vibrations_excited_by_resets_with_dashpo
         own = (f"material.eta_star={eta_star}", f"time.integrator={integrator.name}")
         scenario, outcome, found = reset_impact(kernels, points, *own)
         if integrator is VELOCITY_VERLET:
-            model, start = (
-                reference.Model(scenario.lattice, scenario.model),
-                scenario.lattice.positions,
-            )
+            model = reference.Model(scenario.lattice, scenario.model)
+            start = scenario.lattice.positions
             end = outcome.columns["t"][-1]
             _, v = model.solve_with_resets(
                 start, scenario.velocities, end, 0.02, rtol=1e-8
@@ -205,14 +201,13 @@ def test_the_disk_starts_out_of_the_walls_reach(name, settings):
     # The wall's potential at the start is below 1e-7 of the kinetic energy, but not far
     # below: the way is short.
     scenario = load_scene(name, settings).scenario()
-    x, v, wall, n = (
-        scenario.lattice.positions,
-        scenario.velocities,
-        scenario.model.wall,
-        scenario.lattice.disk_points,
-    )
+    x = scenario.lattice.positions
+    v = scenario.velocities
+    wall = scenario.model.wall
+    n = scenario.lattice.disk_points
     kinetic = 0.5 * scenario.lattice.masses[0] * np.sum(v**2)
-    assert (v[:n] == [0.0, -scenario.velocity]).all() and not v[n:].any()
+    assert (v[:n] == [0.0, -scenario.velocity]).all()
+    assert not v[n:].any()
     assert kinetic == pytest.approx(0.5 * scenario.velocity**2)
     height = (
         x[:n, 1] if name == "exponential_wall" else x[scenario.lattice.disk_surface, 1]
@@ -244,10 +239,13 @@ def test_a_body_that_turns_fast_ends_no_sooner_than_its_corners_are_clear():
     scenario = load_scene(
         "exponential_wall", [*TURNING, "material.eta_star=0"]
     ).scenario()
-    x, masses = scenario.lattice.positions, scenario.lattice.masses
+    x = scenario.lattice.positions
+    masses = scenario.lattice.masses
     arm = x - masses @ x
-    radius, inertia = np.hypot(*arm.T).max(), masses @ (arm**2).sum(axis=1)
-    height, speed = scenario.gap + 0.1, 0.01
+    radius = np.hypot(*arm.T).max()
+    inertia = masses @ (arm**2).sum(axis=1)
+    height = scenario.gap + 0.1
+    speed = 0.01
     for spin in (0.0, 1.0, -1.0):
         energy = 0.5 * (speed**2 + inertia * spin**2)
         row = {
@@ -291,11 +289,9 @@ def assert_has_left(kernels, name, *settings):
     """Run on for as long again, and check that the disk never touches the wall and
     flies as fast as `run` says."""
     scenario, outcome = computed(kernels, name, *settings)
-    columns, steps, integrator = (
-        outcome.columns,
-        outcome.summary["steps"],
-        INTEGRATORS[outcome.summary["integrator"]],
-    )
+    columns = outcome.columns
+    steps = outcome.summary["steps"]
+    integrator = INTEGRATORS[outcome.summary["integrator"]]
     end = replace(scenario.lattice, positions=outcome.positions)
     simulation = kernels.simulation(
         end, scenario.model, integrator, outcome.velocities, outcome.summary["dt"]
@@ -325,7 +321,9 @@ def test_on_a_hard_wall_contact_lasts_as_long_as_hertz_says(kernels):
     hard = ("wall.a=3000", "wall.V0=1500", "material.eta_star=0")
     scenario, outcome = computed(kernels, "exponential_wall", *hard, estimate=False)
     moduli = bulk_moduli(1099, 0, 1.0, 0.7)
-    E, nu, F = moduli.young, moduli.poisson, np.geomspace(1e-9, 0.5, 20_000)
+    E = moduli.young
+    nu = moduli.poisson
+    F = np.geomspace(1e-9, 0.5, 20_000)
     xi = F / (np.pi * E) * (np.log(np.pi * E / F) - (1 + nu) / 4)
     work = np.concatenate([[0.0], np.cumsum(0.5 * (F[1:] + F[:-1]) * np.diff(xi))])
     inside = scenario.velocity**2 > 2 * work
@@ -372,7 +370,8 @@ def test_a_contact_lasts_while_the_force_exceeds_a_hundredth_of_its_peak():
     # F = exp(-|t - t_0|/tau) is 0.01 of its peak at t_0 -+ tau ln 100, where log-linear
     # interpolation is exact.
     t = np.linspace(0.0, 30.0, 1001)
-    tau, t0 = 1.7, t[500]
+    tau = 1.7
+    t0 = t[500]
     found = contact_interval(t, 3.0 * np.exp(-np.abs(t - t0) / tau), t - t0)
     assert found == pytest.approx(
         (t0 - tau * np.log(100.0), t0 + tau * np.log(100.0)), abs=1e-9
@@ -385,5 +384,6 @@ def test_a_contact_lasts_while_the_force_exceeds_a_hundredth_of_its_peak():
         (8.0 - np.sqrt(np.log(100.0)), 20.0 + np.sqrt(np.log(50.0))), abs=1e-3
     )
     # A contact without any row lies between the rows before and after it.
-    t, v = np.arange(5.0), np.array([-1.0, -1.0, -1.0, 0.9, 0.9])
+    t = np.arange(5.0)
+    v = np.array([-1.0, -1.0, -1.0, 0.9, 0.9])
     assert contact_interval(t, np.zeros(5), v) == (2.0, 3.0)

@@ -15,14 +15,17 @@ from taichi_disk.integrators import TAKAHASHI_IMADA, TRAPEZOIDAL, VELOCITY_VERLE
 from taichi_disk.physics import Model, MouseSpring, Springs
 from taichi_disk.simulation.observables import INDEX
 
-MOUSE, POINT, LONG = MouseSpring(0.2, 0.02), 7, pytest.mark.validate
+MOUSE = MouseSpring(0.2, 0.02)
+POINT = 7
+LONG = pytest.mark.validate
 # Farther than strongest/k = 0.1 R from its target the pull is constant. (pulled point,
 # offset of the target), 24 steps.
 LED = ((POINT, (0.05, 0.02)), (POINT, (0.3, 0.1)), (-1, (0.0, 0.0)))
 
 
 class Pulled(reference.Model):
-    point, target = -1, None
+    point = -1
+    target = None
 
     def force(self, x, v):
         f = super().force(x, v)
@@ -54,17 +57,17 @@ def test_a_pulled_point_moves_as_the_exact_solution_and_its_energy_is_accounted_
 ):
     lattice = body(disk(60, height=0.5))
     model = Model(Springs(1.0, 1.0, eta), FALLING.wall, mouse=MOUSE)
-    x, v = lattice.positions, np.zeros_like(lattice.positions)
-    plain, y = Pulled(lattice, model), (x, v)
+    x = lattice.positions
+    v = np.zeros_like(lattice.positions)
+    plain = Pulled(lattice, model)
+    y = (x, v)
     for plain.point, offset in LED:
         plain.target = x[POINT] + offset
         y = plain.solve(*y, (0.0, 24 * dt))[-1]
     errors = []
     for steps in (1, 2, 4):
-        simulation, work = (
-            kernels.simulation(lattice, model, integrator, v, dt / steps),
-            0.0,
-        )
+        simulation = kernels.simulation(lattice, model, integrator, v, dt / steps)
+        work = 0.0
         for point, offset in LED:
             work += simulation.set_mouse_target(point, tuple(x[POINT] + offset))
             simulation.advance(24 * steps)

@@ -54,7 +54,9 @@ def test_an_oscillator_is_stable_up_to_the_limit_and_its_phase_has_the_stated_or
 
 def jacobian(model, x):
     """Return -df/dx (2n, 2n) by central differences of the reference's forces."""
-    d, still, columns = 1e-7, np.zeros_like(x), []
+    d = 1e-7
+    still = np.zeros_like(x)
+    columns = []
     for k in range(x.size):
         step = d * np.eye(1, x.size, k).reshape(x.shape)
         columns.append(
@@ -68,8 +70,10 @@ def jacobian(model, x):
     "lattice", [disk(40), non_uniform(disk(40), 0.2, 3.0)], ids=["equal", "non-uniform"]
 )
 def test_highest_frequency_and_damping_rate_are_those_of_the_matrices(lattice):
-    model, m = Model(Springs(1.0, 1.0, 0.3)), lattice.masses[:, None]
-    limits, plain = spectrum(lattice, model), reference.Model(lattice, model)
+    model = Model(Springs(1.0, 1.0, 0.3))
+    m = lattice.masses[:, None]
+    limits = spectrum(lattice, model)
+    plain = reference.Model(lattice, model)
     omega2 = np.linalg.eigvals(
         jacobian(plain, lattice.positions) / np.repeat(m, 2, axis=0)
     ).real.max()
@@ -103,7 +107,8 @@ def test_the_walls_stiffness_is_bounded_by_the_force_on_a_point(wall, body):
             else disk_and_wall(30, 45, height=height)
         )
         model = replace(FREE, wall=wall)
-        plain, x = reference.Model(lattice, model), lattice.positions
+        plain = reference.Model(lattice, model)
+        x = lattice.positions
         force = np.abs(plain.wall_force(x)[: lattice.disk_points]).max()
         per_mass = jacobian(plain, x) / np.repeat(lattice.masses, 2)[:, None]
         omega = np.sqrt(np.linalg.eigvals(per_mass).real.max())
@@ -118,7 +123,10 @@ def test_the_walls_stiffness_is_bounded_by_the_force_on_a_point(wall, body):
 def swings(omega, rate, h):
     """Return the largest |x| in 4000 steps of x'' = -omega^2 x - rate x' with a
     predicted dashpot velocity."""
-    x, v, a, most = 1.0, 0.5 * h * omega**2, -(omega**2), 0.0
+    x = 1.0
+    v = 0.5 * h * omega**2
+    a = -(omega**2)
+    most = 0.0
     for _ in range(4000):
         u = v + 1.5 * h * a  # predicted for the end of the step
         v += h * a
@@ -150,7 +158,9 @@ def test_the_explicit_limit_holds_for_every_mode_and_is_sharp_at_its_ends():
     "body", [disk(60), non_uniform(disk(60), 0.2, 3.0)], ids=["equal", "non-uniform"]
 )
 def test_a_hard_wall_is_expected_to_stop_the_heaviest_point_by_itself(body):
-    a, speed, mass = 1e4, 0.3, body.masses.max()
+    a = 1e4
+    speed = 0.3
+    mass = body.masses.max()
 
     def motion(t, state):
         return state[1], 0.5 * a * np.exp(-a * state[0]) / mass
@@ -188,7 +198,8 @@ def test_the_force_on_a_point_is_estimated_as_well_as_the_step_margin_requires(
     integrator = INTEGRATORS[outcome.summary["integrator"]]
     # The wall's stiffness a F contributes at most all of omega^2, and the step depends
     # on its root.
-    peak, limits = outcome.largest_force, spectrum(scenario.lattice, scenario.model)
+    peak = outcome.largest_force
+    limits = spectrum(scenario.lattice, scenario.model)
     assert 0.4 < peak / scenario.point_force < (LIMIT_MARGIN / 0.8) ** 2
     assert outcome.summary["dt_limit"] == step_limit(
         limits, scenario.model, integrator, peak

@@ -18,7 +18,8 @@ from taichi_disk.statics.equilibrium import (
 
 def pressed(points, seed, a, pressure):
     """Return lattice, model and positions of a disk at rest."""
-    disk, wall = disk_lattice(points, seed), ExponentialWall(a, 150.0)
+    disk = disk_lattice(points, seed)
+    wall = ExponentialWall(a, 150.0)
     model = Model(Springs(1.0, 1e-3), wall, Load(pressure))
     start = place_on_wall(
         disk, resting_angle(disk, 1.0, a, pressure), wall, pressure
@@ -28,7 +29,8 @@ def pressed(points, seed, a, pressure):
 
 @pytest.mark.parametrize("height", [0.5, 1.0, 1.5])
 def test_each_level_carries_the_load_of_what_is_above_it(height):
-    load, half = 1e-2, 0.15
+    load = 1e-2
+    half = 0.15
     disk, model, x = pressed(1099, 0, 300.0, load)
     tiles = Triangles(disk)
     centre = x[disk.triangles].mean(axis=1)[:, 1] - x[:, 1].min()
@@ -49,7 +51,8 @@ def test_the_contact_is_as_wide_as_hertz_says():
     young = bulk_moduli(17_600, 0, 1.0, 0.7).young
     b = np.sqrt(4.0 * load / (np.pi * young))
     points, forces = model.wall.contact_forces(disk, x)
-    place, push = x[points, 0], forces[:, 1]
+    place = x[points, 0]
+    push = forces[:, 1]
     middle = np.average(place, weights=push)
     assert push.sum() == pytest.approx(load, rel=1e-9)
     assert 2.0 * np.sqrt(
@@ -62,7 +65,8 @@ def test_the_contact_is_as_wide_as_hertz_says():
     near = inner[disk.triangles].all(axis=1)
     areas = tiles.areas(x)[near]
     corner = x[disk.triangles[near]].mean(axis=1)
-    depth, across = (corner[:, 1] - x[:, 1].min()) / b, (corner[:, 0] - middle) / b
+    depth = (corner[:, 1] - x[:, 1].min()) / b
+    across = (corner[:, 0] - middle) / b
     found = np.average(-stress(tiles, model.springs, x)[near, 1], weights=areas)
     assert found == pytest.approx(
         np.average(_hertz(across, depth), weights=areas) * 2.0 * load / (np.pi * b),

@@ -34,11 +34,10 @@ def test_a_disk_that_spins_beside_strong_dashpots_meets_its_estimate(
     scenario, outcome = computed(
         kernels, "exponential_wall", "impact.velocity=0.05", *settings
     )
-    lattice, end = scenario.lattice, outcome.columns["t"][-1]
-    assert (
-        outcome.summary["integrator"] == "trapezoidal"
-        and outcome.summary["steps"] < 2000
-    )
+    lattice = scenario.lattice
+    end = outcome.columns["t"][-1]
+    assert outcome.summary["integrator"] == "trapezoidal"
+    assert outcome.summary["steps"] < 2000
     _, (_, v) = Model(lattice, scenario.model).solve(
         lattice.positions, scenario.velocities, (0.0, end), 1e-8
     )
@@ -64,10 +63,8 @@ def test_the_balance_of_linear_springs_with_dashpots_is_exact_at_any_step(
 ):
     # Leapfrog conserves E - h^2/(8 m) f.F, whose second term is 0 when the body is at
     # rest in the end.
-    rod, masses = (
-        chain([[-0.5, 0.0], [0.5, 0.0]], [[0, 1]], 0.5),
-        np.array([mass, 1.0 - mass]),
-    )
+    rod = chain([[-0.5, 0.0], [0.5, 0.0]], [[0, 1]], 0.5)
+    masses = np.array([mass, 1.0 - mass])
     rod = replace(rod, masses=masses, rest_lengths=np.array([1.0 - stretch]))
     # along the spring: its force is linear
     velocities = np.array([[0.05, 0.0], [-0.05, 0.0]]) / masses[:, None]
@@ -93,16 +90,16 @@ def test_dashpots_brake_a_spin_in_flight_with_a_warning_and_axial_ones_do_not(ke
         kernels, "exponential_wall", *settings, "material.dashpot=axial", estimate=False
     )
     (text,) = vector.summary["warnings"]
-    assert (
-        "angular momentum" in text
-        and "material.dashpot: axial" in text
-        and not axial.summary["warnings"]
-    )
-    force, spin = axial.columns["wall_force"], axial.columns["angular_momentum"]
+    assert "angular momentum" in text
+    assert "material.dashpot: axial" in text
+    assert not axial.summary["warnings"]
+    force = axial.columns["wall_force"]
+    spin = axial.columns["angular_momentum"]
     before = force < 1e-6 * force.max()
     before[int(force.argmax()) :] = False
     # The disk flies until the wall's torque begins.
-    assert np.ptp(spin[before]) < 1e-6 * abs(spin[0]) and before.sum() > 10
+    assert np.ptp(spin[before]) < 1e-6 * abs(spin[0])
+    assert before.sum() > 10
     assert axial.summary["integrator"] == "velocity_verlet"
     with pytest.raises(InputError, match=r"time\.integrator: trapezoidal .* axial"):
         load_scene(

@@ -40,14 +40,13 @@ def test_subdomains_share_no_point_and_hold_every_spring_once(monkeypatch):
     used = arrangement.source[arrangement.source >= 0]
     assert_array_equal(np.sort(used), np.arange(len(bonds)))
     assert_array_equal(arrangement.ends[arrangement.source >= 0], bonds[used])
-    owned, begin = [], 0
+    owned = []
+    begin = 0
     for c, end in enumerate(arrangement.subdomain_ends):
         inside = arrangement.ends[begin * ordering.BLOCK : end * ordering.BLOCK]
         points = inside[inside < 900]
-        assert (
-            c * arrangement.subdomain_points <= points.min()
-            and points.max() < (c + 1) * arrangement.subdomain_points
-        )
+        assert c * arrangement.subdomain_points <= points.min()
+        assert points.max() < (c + 1) * arrangement.subdomain_points
         owned.append(set(inside.ravel().tolist()))
         begin = int(end)
     assert sum(map(len, owned)) == len(set().union(*owned))
@@ -65,16 +64,15 @@ def body(name):
     )
     integrator = TAKAHASHI_IMADA if "corrected" in name else integrator
     if name.startswith("rigid"):
-        lattice, model = (
-            disk(900, height=0.02),
-            pressed(0.02, 0.02) if "dashpots" in name else FALLING,
-        )
+        lattice = disk(900, height=0.02)
+        model = pressed(0.02, 0.02) if "dashpots" in name else FALLING
     else:
         lattice = disk_and_wall(500, 500)
         boundary = ResetBoundary(1e-2) if "reset" in name else matched(lattice)
         model = Model(Springs(1.0, 2.0, 0.02), ELASTIC, boundary=boundary)
     lattice = non_uniform(lattice) if "non-uniform" in name else lattice
-    rng, shape = np.random.default_rng(0), lattice.positions.shape
+    rng = np.random.default_rng(0)
+    shape = lattice.positions.shape
     v = moving_down(lattice, 0.05) + 0.01 * rng.standard_normal(shape)
     return (
         replace(
@@ -90,7 +88,8 @@ def body(name):
 def steps(simulation):
     """Return the rows of the first 105 steps, and a hash of the whole state after
     them."""
-    rows, state = simulation.advance(105, 21)[0], simulation.snapshot()
+    rows = simulation.advance(105, 21)[0]
+    state = simulation.snapshot()
     return (
         rows,
         hashlib.sha256(
@@ -116,7 +115,8 @@ def elsewhere(name, threads):
         f" import runtime; runtime.start(threads={threads}); from test_subdomains"
         f" import *; print(*(steps(simulation)[1] for simulation in both('{name}')))"
     )
-    folder, command = Path(__file__).parents[2], [sys.executable, "-c", code]
+    folder = Path(__file__).parents[2]
+    command = [sys.executable, "-c", code]
     return subprocess.run(
         command, check=True, cwd=folder, capture_output=True, text=True, timeout=200
     ).stdout.split()
@@ -140,7 +140,8 @@ def test_subdomains_on_any_number_of_cores_move_as_one_core_without_them_does(na
     lattice, model, _, v, _ = body(name)
     serial, cut = both(name)
     # Dashpots that are solved for act at the velocity in the middle of the first step.
-    f, solved = cut.snapshot().vectors[2], "trapezoidal" in name
+    f = cut.snapshot().vectors[2]
+    solved = "trapezoidal" in name
     w = v + 0.5 * cut.dt / lattice.masses[:, None] * f if solved else v
     force = reference.Model(lattice, model).force(lattice.positions, w)
     assert_allclose(
@@ -165,6 +166,7 @@ def test_subdomains_on_any_number_of_cores_move_as_one_core_without_them_does(na
     assert_array_equal(pieces, expected)
     assert [hashed for _, hashed in found] == elsewhere(name, 1)
     # So does a simulation that starts again.
-    assert cut.restart(cut.lattice, *body(name)[1:]) and steps(cut)[1] == bits
+    assert cut.restart(cut.lattice, *body(name)[1:])
+    assert steps(cut)[1] == bits
     for simulation in (serial, cut):
         simulation.destroy()

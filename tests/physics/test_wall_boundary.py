@@ -23,13 +23,15 @@ def test_the_scene_matches_its_dashpots_to_the_material_and_the_length_of_the_si
     scenario = load_scene(
         "absorbing_wall", (*WALL, "wall.boundary=dashpot", "material.k_a=2")
     ).scenario()
-    moduli, rho = bulk_moduli(150, 0, 2.0, 0.7), 1 / np.pi
+    moduli = bulk_moduli(150, 0, 2.0, 0.7)
+    rho = 1 / np.pi
     p = np.sqrt(rho * moduli.young / (1 - moduli.poisson**2))
     s = np.sqrt(rho * moduli.young / (2 * (1 + moduli.poisson)))
     z = scenario.model.boundary.impedance
     assert_allclose(z, matched_impedance(scenario.lattice, p, s), rtol=1e-12)
     x, y = scenario.lattice.positions[scenario.lattice.wall_boundary].T
-    height, width = np.ptp(y), np.ptp(x)
+    height = np.ptp(y)
+    width = np.ptp(x)
     assert_allclose(
         z.sum(axis=0),
         [2 * p * height + s * width, p * width + 2 * s * height],
@@ -60,12 +62,11 @@ def test_resets_brake_a_point_as_a_drag_of_2m_over_the_interval(kernels):
     # Between resets a boundary point gains f tau/m and, from rest, moves by f tau^2/2m:
     # a mean speed f tau/2m. A wall held only by its resets and pushed by its own
     # stretched springs creeps at this speed.
-    tau, lattice = 5e-3, disk_and_wall(60, 80, height=5.0)
-    edge, m, still = (
-        lattice.wall_boundary,
-        lattice.masses[0],
-        np.zeros_like(lattice.positions),
-    )
+    tau = 5e-3
+    lattice = disk_and_wall(60, 80, height=5.0)
+    edge = lattice.wall_boundary
+    m = lattice.masses[0]
+    still = np.zeros_like(lattice.positions)
     model = Model(Springs(1e-3, 1e-9), ELASTIC, boundary=ResetBoundary(tau))
     x = lattice.positions.copy()
     x[edge] *= 1.1

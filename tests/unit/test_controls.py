@@ -40,7 +40,8 @@ def test_every_key_is_explained_and_reaches_what_it_names(controls: Controls) ->
     for key in ("a", "Up", "e", "t", "c", "m", "n"):
         controls.press(key)
     # the next scene has its own values
-    assert sandbox.scene.wall.a == 300.0 and controls.number == 1
+    assert sandbox.scene.wall.a == 300.0
+    assert controls.number == 1
     assert sandbox.scene.impact.velocity == 0.05 and sandbox.scene.video.theme == "dark"  # type: ignore[union-attr]
     assert sandbox.speed == 1.12
     for _ in range(60):
@@ -64,10 +65,8 @@ def test_the_keys_for_points_keep_the_viscosity_of_the_body(controls: Controls) 
     for key in ("k", "j", "j"):
         controls.press(key)
         assert sandbox.time.segment.scenario.model.springs.eta == eta == 10.0 / 120
-    assert (
-        sandbox.scene.lattice.points != 120
-        and controls.dashpot_key == "material.viscosity"
-    )
+    assert sandbox.scene.lattice.points != 120
+    assert controls.dashpot_key == "material.viscosity"
     controls.press("e")
     assert sandbox.scene.material.viscosity == pytest.approx(1.12 * eta, rel=1e-2)
     for _ in range(80):
@@ -100,9 +99,11 @@ def test_a_scene_of_the_list_may_set_the_pace(controls: Controls) -> None:
     sandbox = controls.sandbox
     controls.playlist[1] = controls.playlist[1]._replace(speed=3.0, slow=True)
     controls.play(1)
-    assert sandbox.speed == 3.0 and sandbox.slow
+    assert sandbox.speed == 3.0
+    assert sandbox.slow
     controls.play(0)  # its pace is the user's
-    assert sandbox.speed == 3.0 and sandbox.slow
+    assert sandbox.speed == 3.0
+    assert sandbox.slow
 
 
 def test_a_typed_speed_above_c_is_refused_and_a_large_n_is_limited_with_a_word(
@@ -116,4 +117,5 @@ def test_a_typed_speed_above_c_is_refused_and_a_large_n_is_limited_with_a_word(
     monkeypatch.setattr("taichi_disk.window.controls.MAX_POINTS", 150)
     controls.attempt(controls.set, "lattice.points", 1e6)
     assert sandbox.scene.lattice.points == 150
-    assert "150" in sandbox.message and "1000000" in sandbox.message
+    assert "150" in sandbox.message
+    assert "1000000" in sandbox.message

@@ -32,7 +32,8 @@ def test_planted_parameters_of_eq_5_come_back() -> None:
     for d1, d2 in ((0.973, 0.119), (1.0, 0.6), (1.6, 1.4)):
         fit = theory.fit_restitution(V, theory.paper_restitution(V, d1, d2)[None])
         assert fit.values == pytest.approx({"d1": d1, "d2": d2}, rel=1e-6)
-        assert fit.rms < 1e-7 and not fit.intervals
+        assert fit.rms < 1e-7
+        assert not fit.intervals
     fixed = theory.fit_restitution(
         V, theory.paper_restitution(V, 1.0, 0.6)[None], d1_is_1=True
     )
@@ -89,7 +90,8 @@ def test_intervals_hold_the_truth_about_as_often_as_their_level(
     monkeypatch.setattr(theory, "RESAMPLES", 200)
     rng = np.random.default_rng(1)
     true = theory.paper_restitution(V, 1.0, 0.6)
-    held, widths = 0, []
+    held = 0
+    widths = []
     for _ in range(30):
         e = true * (1.0 + 0.01 * rng.standard_normal((16, 1)))
         low, high = theory.fit_restitution(V, e).intervals["d1"]
@@ -108,7 +110,8 @@ def test_intervals_hold_the_truth_about_as_often_as_their_level(
 def test_the_table_of_eq_4_is_as_good_as_its_integral_at_any_stiffness(
     e_star: float,
 ) -> None:
-    predict, unit = theory.quasistatic_curves((3e-3, 5e-2), e_star), e_star**-0.5
+    predict = theory.quasistatic_curves((3e-3, 5e-2), e_star)
+    unit = e_star**-0.5
     for tau0 in (0.0, 3e-3 * unit, 0.0412 * unit, 0.33 * unit, 1.7 * unit):
         exact = [quasistatic_impact(v, tau0, e_star).restitution for v in (3e-3, 5e-2)]
         np.testing.assert_allclose(
@@ -159,7 +162,9 @@ def test_a_law_does_not_hold_if_its_residuals_are_several_times_the_scatter(
 
 def test_one_lattice_does_not_tell_whether_a_law_holds() -> None:
     fit = theory.fit_restitution(V, np.linspace(1.0, 0.5, 12)[None])
-    assert fit.rms > 1e-3 and np.isnan(fit.misfit) and fit.holds
+    assert fit.rms > 1e-3
+    assert np.isnan(fit.misfit)
+    assert fit.holds
 
 
 @pytest.mark.validate
@@ -171,10 +176,12 @@ def test_print_and_figure_say_of_a_law_that_misses_the_points_that_it_does_not_h
         row["restitution"] += 0.05 * np.cos(300.0 * row["velocity"])
     scene = load_scene("exponential_wall")
     good, bad = analyse(scene, ["eta_star", "seed", "velocity"], rows)
-    assert good.fits["eq5"].holds and not bad.fits["eq5"].holds
+    assert good.fits["eq5"].holds
+    assert not bad.fits["eq5"].holds
     text = "times the scatter: the law does not hold here"
     (_, holding), (_, missing) = curve_rows([good.summary(), bad.summary()])
-    assert text not in dict(holding)["eq. (5)"] and text in dict(missing)["eq. (5)"]
+    assert text not in dict(holding)["eq. (5)"]
+    assert text in dict(missing)["eq. (5)"]
     ratio = f"{bad.fits['eq5'].misfit:.1f} times"
     assert ratio in dict(missing)["eq. (5)"]
     (axes,) = curves_figure(scene, [good, bad]).axes
@@ -190,7 +197,8 @@ def test_print_and_figure_say_of_a_law_that_misses_the_points_that_it_does_not_h
     for several in ([good, bad], [good, good, bad]):
         figure = curves_figure(load_scene("absorbing_wall"), several)
         box = figure.get_tightbbox(figure.canvas.get_renderer())
-        assert box.x0 >= 0.0 and box.x1 <= figure.get_figwidth()
+        assert box.x0 >= 0.0
+        assert box.x1 <= figure.get_figwidth()
 
 
 def contrast_to_white(colour: Any) -> float:
@@ -203,7 +211,8 @@ def contrast_to_white(colour: Any) -> float:
 @pytest.mark.parametrize("count", [1, 2, 6, 12])
 def test_curves_are_seen_on_white_and_grow_lighter_in_their_order(count: int) -> None:
     contrasts = [contrast_to_white(one["color"]) for one in curve_styles(count)]
-    assert contrasts == sorted(contrasts, reverse=True) and min(contrasts) >= 3.0
+    assert contrasts == sorted(contrasts, reverse=True)
+    assert min(contrasts) >= 3.0
     assert len(set(contrasts)) == count
 
 
@@ -235,10 +244,8 @@ def test_the_moduli_are_those_of_all_lattices_of_the_material() -> None:
     other = [
         row | {"method": "newton", "points": 60} for row in pressed([(0, 1e-3, 1.5)])
     ]
-    axes, rows = (
-        ["points", "method", "seed", "pressure"],
-        [row | {"points": 300} for row in single + many] + other,
-    )
+    axes = ["points", "method", "seed", "pressure"]
+    rows = [row | {"points": 300} for row in single + many] + other
     curves = analyse(load_scene("compression"), axes, rows)
     assert [curve.young for curve in curves] == pytest.approx([1.1, 1.1, 1.5])
 
@@ -266,7 +273,8 @@ def test_eq_4_is_fitted_where_there_are_dashpots_swept_or_not() -> None:
     soft, stiff = analyse(
         load_scene("exponential_wall"), axes, thrown(0.0) + thrown(30.0)
     )
-    assert "eq4" not in soft.fits and "eq4" in stiff.fits
+    assert "eq4" not in soft.fits
+    assert "eq4" in stiff.fits
     assert (
         "eq4"
         in analyse(load_scene("exponential_wall"), axes[1:], thrown(30.0, "other"))[
@@ -283,7 +291,8 @@ def test_eq_4_is_fitted_where_there_are_dashpots_swept_or_not() -> None:
     soft, stiff = analyse(
         undamped, axes, thrown(0.0, "viscosity") + thrown(0.03, "viscosity")
     )
-    assert "eq4" not in soft.fits and "eq4" in stiff.fits
+    assert "eq4" not in soft.fits
+    assert "eq4" in stiff.fits
     none = load_scene("exponential_wall", ["material.viscosity=0"])
     assert "eq4" not in analyse(none, axes[1:], thrown(0.0, "other"))[0].fits
 
@@ -334,7 +343,8 @@ def test_lattices_from_a_file_have_no_moduli_and_no_fit_that_needs_them() -> Non
         for row in pressed([(0, 1e-3, 1.0), (0, 2e-3, 1.0)])
     ]
     (curve,) = analyse(load_scene("compression"), ["seed", "pressure"], rows)
-    assert not curve.fits and curve.summary()["young"] is None
+    assert not curve.fits
+    assert curve.summary()["young"] is None
 
 
 @pytest.mark.parametrize(
@@ -349,20 +359,16 @@ def test_the_legend_names_all_that_is_drawn_and_the_same_values_draw_the_same_by
     kind: str, tmp_path: Path
 ) -> None:
     if kind == "compression":
-        rows, axes = (
-            pressed([(seed, p, 1.1) for seed in (0, 1) for p in P]),
-            ["seed", "pressure"],
-        )
+        rows = pressed([(seed, p, 1.1) for seed in (0, 1) for p in P])
+        axes = ["seed", "pressure"]
         legend = [
             "bars: 2 lattices",
             "exact law, rigid wall",
             "eq. (2), b = 1.55 (paper)",
         ]
     else:
-        rows, axes = (
-            thrown(10.0) + thrown(3.0) + thrown(0.0),
-            ["eta_star", "seed", "velocity"],
-        )
+        rows = thrown(10.0) + thrown(3.0) + thrown(0.0)
+        axes = ["eta_star", "seed", "velocity"]
         legend = [
             "η* = 10",
             "η* = 3",
@@ -373,7 +379,8 @@ def test_the_legend_names_all_that_is_drawn_and_the_same_values_draw_the_same_by
         paper = "paper: d₁ = 0.973, d₂ = 0.119"
         legend.append("eq. (4), τ₀ fitted" if kind == "exponential_wall" else paper)
     scene = load_scene(kind)
-    curves, drawn = analyse(scene, axes, rows), []
+    curves = analyse(scene, axes, rows)
+    drawn = []
     for _ in range(2 if kind == "compression" else 1):
         draw(scene, curves, tmp_path)
         drawn.append(
@@ -391,9 +398,7 @@ def test_the_legend_names_all_that_is_drawn_and_the_same_values_draw_the_same_by
 
 
 def test_one_lattice_has_no_error_bars(tmp_path: Path) -> None:
-    scene, rows = (
-        load_scene("exponential_wall"),
-        [row for row in thrown(10.0) if row["seed"] == 0],
-    )
+    scene = load_scene("exponential_wall")
+    rows = [row for row in thrown(10.0) if row["seed"] == 0]
     draw(scene, analyse(scene, ["eta_star", "seed", "velocity"], rows), tmp_path)
     assert "LineCollection" not in (tmp_path / "figure.svg").read_text(encoding="utf-8")

@@ -234,10 +234,10 @@ def test_files_that_hold_no_disk_are_refused_by_name(tmp_path, name, content, me
 )
 def test_a_body_that_lies_far_away_gets_the_same_springs(points, offset):
     points = points - [points[:, 0].mean(), 0.0]
-    near, far = Lattice.from_points(points), Lattice.from_points(points + offset)
-    assert (far.bonds == near.bonds).all() and (
-        far.disk_surface == near.disk_surface
-    ).all()
+    near = Lattice.from_points(points)
+    far = Lattice.from_points(points + offset)
+    assert (far.bonds == near.bonds).all()
+    assert (far.disk_surface == near.disk_surface).all()
     assert (far.positions == near.positions + offset).all()
     again = Lattice.from_points(
         points + offset, order_of(far, points + offset)[far.bonds]
@@ -311,10 +311,10 @@ def test_a_wide_hole_stays_open_and_a_notch_is_what_the_springs_leave():
     # All springs of the ring join first neighbours, 1/8 R, except for second neighbours
     # along its edges.
     ring = Lattice.from_points(RING)
-    assert len(holes_of(ring)) == 1 and holes_of(ring)[0] == pytest.approx(
-        np.pi * 0.6**2, rel=0.15
-    )
-    assert ring.rest_lengths.max() < 0.23 and len(ring.masses) == len(RING)
+    assert len(holes_of(ring)) == 1
+    assert holes_of(ring)[0] == pytest.approx(np.pi * 0.6**2, rel=0.15)
+    assert ring.rest_lengths.max() < 0.23
+    assert len(ring.masses) == len(RING)
     two = ROUND[np.abs(np.hypot(np.abs(ROUND[:, 0]) - 0.5, ROUND[:, 1])) > 0.34]
     assert len(holes_of(Lattice.from_points(two))) == 2
     narrow = ROUND[np.hypot(*ROUND.T) > 0.2]  # a hole of less than 5 springs is bridged
@@ -333,20 +333,18 @@ def test_a_wide_hole_stays_open_and_a_notch_is_what_the_springs_leave():
 
 
 def test_custom_triangles_stiffness_and_masses_follow_their_points_and_springs():
-    i, (column, row) = np.arange(81), np.divmod(np.arange(81), 9)
+    i = np.arange(81)
+    column, row = np.divmod(np.arange(81), 9)
     square = i[(column < 8) & (row < 8)]
     square = square[square != 30]  # one cell is a hole
     corners = np.stack(
         [square, square + 1, square + 10, square, square + 10, square + 9], axis=1
     ).reshape(-1, 3)
-    masses, by_sides = (
-        1.0 + np.arange(81),
-        Lattice.from_points(GRID, triangles=corners[:, ::-1], masses=1.0 + i),
-    )
+    masses = 1.0 + np.arange(81)
+    by_sides = Lattice.from_points(GRID, triangles=corners[:, ::-1], masses=1.0 + i)
     order = order_of(by_sides, GRID)
-    assert (by_sides.masses == (masses / masses.sum())[order]).all() and holes_of(
-        by_sides
-    ) == [pytest.approx(1 / 16)]
+    assert (by_sides.masses == (masses / masses.sum())[order]).all()
+    assert holes_of(by_sides) == [pytest.approx(1 / 16)]
     assert by_sides.masses.sum() == pytest.approx(1.0, abs=1e-14)
     springs = order[by_sides.bonds]
     shuffled = np.random.default_rng(0).permutation(len(springs))
@@ -357,10 +355,8 @@ def test_custom_triangles_stiffness_and_masses_follow_their_points_and_springs()
     assert (
         again.stiffness == 1.0 + order_of(again, GRID)[again.bonds].sum(axis=1)
     ).all()
-    assert (
-        len(again.triangles) == len(corners) == len(by_sides.triangles)
-        and np.ptp(again.masses) == 0.0
-    )
+    assert len(again.triangles) == len(corners) == len(by_sides.triangles)
+    assert np.ptp(again.masses) == 0.0
     for wrong, message in (
         ({"triangles": corners + 80}, "3 points of 0 to 80"),
         ({"triangles": corners[corners[:, 1] // 9 != 4]}, "do not form one connected"),

@@ -51,12 +51,12 @@ def test_a_lost_balance_is_detected_in_its_first_row(energies, lost):
     rows = np.zeros((len(energies["kinetic"]), len(INDEX)))
     for name, values in energies.items():
         rows[:, INDEX[name]] = values
-    at_once, one_by_one = EnergyBalance(rows[0]), EnergyBalance(rows[0])
+    at_once = EnergyBalance(rows[0])
+    one_by_one = EnergyBalance(rows[0])
     assert at_once.first_lost(rows) == lost
     each = [one_by_one.first_lost(row[None]) for row in rows]
-    assert [found is None for found in each[:lost]] == [True] * len(rows[:lost]) and (
-        lost is None or each[lost] == 0
-    )
+    assert [found is None for found in each[:lost]] == [True] * len(rows[:lost])
+    assert lost is None or each[lost] == 0
 
 
 def test_a_blow_up_at_a_forced_step_is_reported_with_the_last_good_state(kernels):
@@ -68,8 +68,10 @@ def test_a_blow_up_at_a_forced_step_is_reported_with_the_last_good_state(kernels
         "time.sample_interval=1.8",
         force=True,
     )
-    assert driver.advance() == "failed" and isinstance(driver.failure, BlowUp)
-    message, good = str(driver.failure), driver.failure.last_good
+    assert driver.advance() == "failed"
+    assert isinstance(driver.failure, BlowUp)
+    message = str(driver.failure)
+    good = driver.failure.last_good
     text = (
         r"blow-up after t = ([0-9.]+) R/c: the energy balance is off by .*; before that"
         r" spring (\d+) between points"
@@ -78,7 +80,8 @@ def test_a_blow_up_at_a_forced_step_is_reported_with_the_last_good_state(kernels
     assert float(found[1]) == pytest.approx(float(good["t"]))
     assert float(re.search(r"is ([0-9.]+) of the stability limit", message)[1]) > 1.0
     assert message.endswith("the step is beyond the stability limit: set time.dt: auto")
-    lattice, springs = driver.scenario.lattice, driver.scenario.model.springs
+    lattice = driver.scenario.lattice
+    springs = driver.scenario.model.springs
     assert int(found[2]) == np.abs(springs.strain(lattice, good["positions"])).argmax()
     # Before the blow-up the disk falls at its speed, and all rows until then are
     # available.
@@ -99,7 +102,8 @@ def test_a_number_that_is_not_finite_is_reported_after_the_launch(
     snapshot = driver.simulation.snapshot()
     snapshot.vectors[1, 5, 1] = np.nan
     driver.simulation.restore(snapshot)
-    assert driver.advance() == "failed" and isinstance(driver.failure, BlowUp)
+    assert driver.advance() == "failed"
+    assert isinstance(driver.failure, BlowUp)
     if dt == "auto":
         # a shorter step is tried, which succeeds
         control = control_of(driver.scenario.scene)
@@ -121,7 +125,9 @@ def test_a_disk_in_the_wall_is_detected():
         positions[: lattice.disk_points, 1] += y
         return gone_through(lattice, model, positions, energy=2e-4)
 
-    assert found(-0.05) and not found(0.0) and not found(0.5)
+    assert found(-0.05)
+    assert not found(0.0)
+    assert not found(0.5)
     assert not found(-1.0, Model(Springs(), RIGID))
     # This depth is allowed if the potential is too weak to stop a point of this energy.
     assert not found(-0.05, Model(Springs(), ElasticWall(1.0, 1e-5, 0.1)))

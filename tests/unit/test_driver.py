@@ -40,7 +40,8 @@ def test_the_steps_are_those_reported_and_launches_leave_no_trace(
 ):
     driver = driver_of(kernels, *SCENES[name])
     assert driver.advance() == "finished"
-    columns, state = driver.columns, driver.end
+    columns = driver.columns
+    state = driver.end
     assert state.step == driver.stride * (len(columns["t"]) - 1)
     summary = computed(kernels, *SCENES[name], estimate=False)[1].summary
     assert (summary["steps"], summary["dt"], summary["attempts"]) == (
@@ -51,11 +52,10 @@ def test_the_steps_are_those_reported_and_launches_leave_no_trace(
     # Launches of a few steps give bitwise the same end.
     monkeypatch.setattr("taichi_disk.computation.driver.SPRINGS_PER_LAUNCH", 20_000)
     short = driver_of(kernels, *SCENES[name])
-    assert short.advance(steps=11) == "running" and short.simulation.step_number == 11
-    assert (
-        short.advance(seconds=0.0) == "running"
-        and 11 < short.simulation.step_number < state.step
-    )
+    assert short.advance(steps=11) == "running"
+    assert short.simulation.step_number == 11
+    assert short.advance(seconds=0.0) == "running"
+    assert 11 < short.simulation.step_number < state.step
     while short.advance(steps=777) == "running":
         pass
     assert short.status == "finished"
@@ -63,10 +63,8 @@ def test_the_steps_are_those_reported_and_launches_leave_no_trace(
     for key, column in columns.items():
         assert_array_equal(short.columns[key], column)
     # it stays finished
-    assert (
-        short.advance(steps=5) == "finished"
-        and short.simulation.step_number == state.step
-    )
+    assert short.advance(steps=5) == "finished"
+    assert short.simulation.step_number == state.step
 
 
 def test_a_wall_harder_than_foreseen_makes_the_step_shorter_until_it_holds(kernels):
@@ -75,14 +73,14 @@ def test_a_wall_harder_than_foreseen_makes_the_step_shorter_until_it_holds(kerne
     drivers = drivers_of(kernels, *hard)
     steps = [driver.step.dt for driver in drivers]
     assert drivers[-1].status == "finished"
-    assert len(steps) > 1 and (np.diff(steps) < 0.0).all()
+    assert len(steps) > 1
+    assert (np.diff(steps) < 0.0).all()
     summary = computed(kernels, *hard, estimate=False)[1].summary
     assert (summary["attempts"], summary["steps"]) == (len(steps), drivers[-1].end.step)
-    assert summary["dt"] <= 0.95 * summary["dt_limit"] and summary["warnings"] == []
-    assert (
-        abs(summary["energy"]["closing_imbalance"]) < 2e-5
-        and summary["energy"]["worst_imbalance"] < 1e-4
-    )
+    assert summary["dt"] <= 0.95 * summary["dt_limit"]
+    assert summary["warnings"] == []
+    assert abs(summary["energy"]["closing_imbalance"]) < 2e-5
+    assert summary["energy"]["worst_imbalance"] < 1e-4
 
 
 def test_a_step_beyond_the_limit_is_refused_with_the_limit_named_unless_forced(kernels):
@@ -97,7 +95,8 @@ def test_a_step_beyond_the_limit_is_refused_with_the_limit_named_unless_forced(k
 def test_triangles_turned_inside_out_are_counted_with_a_warning(kernels):
     small = (*IMPACT, "lattice.points=30")
     scenario, gentle = computed(kernels, *small)
-    lattice, x = scenario.lattice, scenario.lattice.positions.copy()
+    lattice = scenario.lattice
+    x = scenario.lattice.positions.copy()
     assert gentle.summary["inverted_triangles"] == inverted_triangles(lattice, x) == 0
     inner = np.setdiff1d(np.arange(lattice.disk_points), lattice.disk_surface)[0]
     x[inner] += 5.0
@@ -115,10 +114,8 @@ def test_triangles_turned_inside_out_are_counted_with_a_warning(kernels):
         "compression.method=newton",
         "compression.pressure=3",
     )
-    assert (
-        pressed.summary["inverted_triangles"] > 0
-        and "turned inside out" in pressed.summary["warnings"][0]
-    )
+    assert pressed.summary["inverted_triangles"] > 0
+    assert "turned inside out" in pressed.summary["warnings"][0]
 
 
 def test_a_run_of_many_steps_or_minutes_is_announced_and_no_other(kernels):
@@ -156,7 +153,8 @@ def test_the_end_of_a_hovering_rod_is_not_asked_at_every_row(
         "impact.velocity=0.05",
     )
     assert driver.advance() == "finished"
-    assert asked[0] > 300.0 * driver.interval and len(asked) < 20
+    assert asked[0] > 300.0 * driver.interval
+    assert len(asked) < 20
     # It has not ended much later than it could.
     earlier = {name: values[[-3]] for name, values in driver.columns.items()}
     assert driver.scenario.time_to_end(driver.columns) == 0.0
@@ -199,7 +197,8 @@ def test_rows_follow_the_surface_of_a_fast_spin_on_a_slow_flight(kernels):
     scenario, outcome = computed(kernels, *settings)
     errors = outcome.summary["error_estimate"]
     # 0.27 and 0.012 if rows follow the centre alone
-    assert errors["contact_time"] < 1e-3 and errors["spin_after"] < 1e-4
+    assert errors["contact_time"] < 1e-3
+    assert errors["spin_after"] < 1e-4
     finer = f"time.sample_interval={scenario.row_interval / 4}"
     _, closer = computed(kernels, *settings, finer, estimate=False)
     numbers = scenario.result(closer.columns)

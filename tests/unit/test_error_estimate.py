@@ -121,7 +121,8 @@ def test_every_result_has_an_estimate_that_holds_where_errors_are_no_power_of_th
     scenario, outcome = computed(kernels, *settings)
     found = error_estimate.measured(scenario, outcome.columns)
     errors = outcome.summary["error_estimate"]
-    assert next(iter(errors)) == "restitution" and set(errors) == set(found)
+    assert next(iter(errors)) == "restitution"
+    assert set(errors) == set(found)
     assert "vibration_left" in errors
     fine = (
         f"time.dt={outcome.summary['dt'] / 16}",
@@ -221,7 +222,8 @@ def test_if_a_step_does_not_resolve_the_wall_the_estimate_is_half_the_worst_imba
     scenario, outcome = computed(
         kernels, *HARD, f"impact.spin={spin}", "time.dt=0.00327"
     )
-    flight, whole = 0.5 * 0.1**2, 0.5 * (scenario.velocities**2).sum() / 30
+    flight = 0.5 * 0.1**2
+    whole = 0.5 * (scenario.velocities**2).sum() / 30
     lost = np.abs(outcome.columns["total"] - outcome.columns["total"][0]).max()
     assert outcome.summary["error_estimate"]["restitution"] >= 0.499 * lost / np.sqrt(
         whole * flight

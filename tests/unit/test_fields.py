@@ -25,7 +25,8 @@ SPRINGS = Springs(1.3, 0.4)
 DISK = disk_lattice(300, 1)
 DISK_MESH = Triangles(DISK)
 # Moduli of the perfect triangular lattice with k_a = 1.
-YOUNG, POISSON = 2.0 / np.sqrt(3.0), 1.0 / 3.0
+YOUNG = 2.0 / np.sqrt(3.0)
+POISSON = 1.0 / 3.0
 
 
 def shaken(lattice, seed=0):
@@ -74,9 +75,8 @@ def test_springs_that_cross_triangles_and_the_edge_of_a_core_are_reported():
         if PATCH_DISTANCES[i, j] < 1.8 / RINGS
     ]
     crossed = Triangles(Lattice.from_points(PATCH.positions, ends))
-    assert len(crossed.crossing) == len(ends) - len(PATCH.bonds) and not len(
-        MESH.crossing
-    ) + len(MESH.interfaces)
+    assert len(crossed.crossing) == len(ends) - len(PATCH.bonds)
+    assert not len(MESH.crossing) + len(MESH.interfaces)
     core = disk_lattice(300, 0, core_radius=0.5, core_stiffness=3.0)
     edge = Triangles(core).interfaces
     assert np.hypot(*core.positions[edge].reshape(-1, 2).T) == pytest.approx(
@@ -92,7 +92,8 @@ def test_springs_that_cross_triangles_and_the_edge_of_a_core_are_reported():
 
 
 def test_a_perfect_lattice_has_young_s_modulus_2_over_root_3_and_poisson_s_ratio_1_3():
-    size, k_a = 1e-7, 1.7
+    size = 1e-7
+    k_a = 1.7
     both = [
         stress(MESH, Springs(k_a), strained(*strain))[INSIDE] / size
         for strain in ((size, 0, 0), (0, 0, size))
@@ -111,11 +112,13 @@ def test_a_perfect_lattice_has_young_s_modulus_2_over_root_3_and_poisson_s_ratio
 def test_the_integral_of_the_stress_is_the_virial_of_other_forces_and_of_inertia(
     body,
 ):
-    lattice, wall = DISK, ExponentialWall(40.0, 0.02)
+    lattice = DISK
+    wall = ExponentialWall(40.0, 0.02)
     if body == "literal disk":
         lattice = disk_lattice(300, 2, rim=False, min_spacing=0.0)
     if body == "disk and wall":
-        lattice, wall = with_wall(DISK, 260, 3.0, 0), ElasticWall(40.0, 0.02, 0.5)
+        lattice = with_wall(DISK, 260, 3.0, 0)
+        wall = ElasticWall(40.0, 0.02, 0.5)
     x, _ = shaken(lattice)
     triangles = Triangles(lattice)
     total = (triangles.areas(x)[:, None] * stress(triangles, SPRINGS, x)).sum(axis=0)
@@ -142,7 +145,8 @@ def test_the_stress_of_springs_that_cross_others_is_in_the_integral_too():
 
 
 def test_stress_turns_with_the_body_and_does_not_feel_where_it_is():
-    c, s = np.cos(0.7), np.sin(0.7)
+    c = np.cos(0.7)
+    s = np.sin(0.7)
     turn = np.array([[c, -s], [s, c]])
     sigma, turned = (
         stress(DISK_MESH, SPRINGS, y) for y in (X, X @ turn.T + [3.0, -2.0])
@@ -195,13 +199,16 @@ def test_a_folded_triangle_keeps_a_tenth_of_its_unloaded_area():
     unloaded = DISK.positions[[a, b, c]]
     x[[a, b, c]] = unloaded
     x[a] = 0.5 * (x[b] + x[c])
-    side, other = unloaded[1] - unloaded[0], unloaded[2] - unloaded[0]
+    side = unloaded[1] - unloaded[0]
+    other = unloaded[2] - unloaded[0]
     area = 0.5 * abs(side[0] * other[1] - side[1] * other[0])
     assert DISK_MESH.areas(x)[7] == pytest.approx(0.1 * area, rel=1e-12)
 
 
 def test_point_values_are_means_weighted_with_the_areas():
-    sigma, areas, i = stress(DISK_MESH, SPRINGS, X), DISK_MESH.areas(X), 17
+    sigma = stress(DISK_MESH, SPRINGS, X)
+    areas = DISK_MESH.areas(X)
+    i = 17
     around = (DISK.triangles == i).any(axis=1)
     mean = np.average(sigma[around], axis=0, weights=areas[around])
     assert point_stress(DISK_MESH, SPRINGS, X)[i] == pytest.approx(mean, rel=1e-12)
@@ -230,10 +237,8 @@ def test_speed_and_kinetic_energy_are_those_in_the_frame_of_the_disk_s_centre_of
     x, v = shaken(lattice)
     # König's theorem: the kinetic energy is that relative to the centre of mass plus
     # that of the centre of mass.
-    m, mv = (
-        lattice.masses[:300, None],
-        (lattice.masses[:300, None] * v[:300]).sum(axis=0),
-    )
+    m = lattice.masses[:300, None]
+    mv = (lattice.masses[:300, None] * v[:300]).sum(axis=0)
     whole = 0.5 * float((m * v[:300] ** 2).sum())
     inner = field("kinetic", lattice, SPRINGS, x, v).values[:300].sum()
     assert inner == pytest.approx(whole - 0.5 * float(mv @ mv) / m.sum(), rel=1e-12)
@@ -266,7 +271,8 @@ def test_smoothing_keeps_uniform_values_and_averages_neighbours():
     assert DISK_MESH.smoothed(np.full((300, 2), 0.7), 5) == pytest.approx(
         np.full((300, 2), 0.7), rel=1e-14
     )
-    values, i = np.random.default_rng(0).random((300, 1)), 40
+    values = np.random.default_rng(0).random((300, 1))
+    i = 40
     mean = values[np.unique(DISK.bonds[(DISK.bonds == i).any(axis=1)])].mean()
     assert DISK_MESH.smoothed(values, 1)[i, 0] == pytest.approx(mean, rel=1e-14)
 
@@ -275,13 +281,15 @@ def test_smoothing_keeps_uniform_values_and_averages_neighbours():
 def test_fringes_show_stress_smoothed_to_a_width_of_0_06_r_whatever_the_spacing(rings):
     # Half of the lattice is shifted along a row, so the row of triangles between the
     # halves is in pure shear.
-    lattice, spacing = hexagon(rings), 1.0 / rings
+    lattice = hexagon(rings)
+    spacing = 1.0 / rings
     x = lattice.positions.copy()
     rows = np.round(x[:, 1] / (np.sqrt(0.75) * spacing)).astype(int)
     x[rows > 0, 0] += 1e-6
     light = at_points("fringes", Triangles(lattice), Springs(1.0), x, np.zeros_like(x))
     near = np.abs(x[:, 0]) < 0.6 * spacing
-    weight, height = light[near], (rows[near] - 0.5) * np.sqrt(0.75) * spacing
+    weight = light[near]
+    height = (rows[near] - 0.5) * np.sqrt(0.75) * spacing
     # The points on either side of that row are half of its height away from its middle.
     width2 = np.average(height**2, weights=weight) - 3.0 / 16.0 * spacing**2
     # The number of averages is whole, so the width may deviate by half an average (over
@@ -314,5 +322,6 @@ def test_a_field_says_where_it_lives_and_in_which_unit():
     }
     for name, quantity in QUANTITIES.items():
         found = field(name, DISK, SPRINGS, X, V)
-        assert found.values.shape == (count[found.on],) and found.unit == quantity.unit
+        assert found.values.shape == (count[found.on],)
+        assert found.unit == quantity.unit
         assert quantity.signed or found.values.min() >= 0.0

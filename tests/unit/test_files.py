@@ -25,7 +25,8 @@ def test_a_new_folder_is_made_with_its_parents_and_one_that_is_there_is_left_alo
 ):
     out = tmp_path / "a" / "b"
     assert prepare_output(out) == [out, tmp_path / "a"]
-    assert prepare_output(out) == [] and everything(tmp_path) == {tmp_path / "a", out}
+    assert prepare_output(out) == []
+    assert everything(tmp_path) == {tmp_path / "a", out}
 
 
 @pytest.mark.parametrize("below", ["", "b/c"])
@@ -47,11 +48,9 @@ def test_a_file_is_replaced_by_a_whole_one_or_stays(tmp_path, failure):
     def write(new):
         new.write_text("new")
         # NumPy appends .npz to other names.
-        assert (
-            path.read_text() == "old"
-            and new.suffix == ".npz"
-            and new.parent == tmp_path
-        )
+        assert path.read_text() == "old"
+        assert new.suffix == ".npz"
+        assert new.parent == tmp_path
         if failure:
             raise failure
 
@@ -60,9 +59,8 @@ def test_a_file_is_replaced_by_a_whole_one_or_stays(tmp_path, failure):
             atomic_write(path, write)
     else:
         atomic_write(path, write)
-    assert path.read_text() == ("old" if failure else "new") and everything(
-        tmp_path
-    ) == {path}
+    assert path.read_text() == ("old" if failure else "new")
+    assert everything(tmp_path) == {path}
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")

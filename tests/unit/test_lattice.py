@@ -46,7 +46,8 @@ def test_points_keep_their_distance_in_the_circle_and_triangles_tile_their_outli
     points, seed, rim, min_spacing
 ):
     disk = disk_lattice(points, seed, rim, min_spacing)
-    assert disk.positions.shape == (points, 2) and disk.disk_points == points
+    assert disk.positions.shape == (points, 2)
+    assert disk.disk_points == points
     assert disk.masses == pytest.approx(np.full(points, 1 / points))
     assert np.hypot(*disk.positions.T).max() <= 1 + 1e-15
     # Every pair of points, not just neighbours, keeps the distance.
@@ -95,7 +96,8 @@ def test_a_hole_is_round_and_empty_and_the_points_are_as_many_as_asked(
 ):
     disk = disk_lattice(points, seed, rim, min_spacing, hole)
     r = np.hypot(*disk.positions.T)
-    assert disk.positions.shape == (points, 2) and np.ptp(disk.masses) == 0.0
+    assert disk.positions.shape == (points, 2)
+    assert np.ptp(disk.masses) == 0.0
     assert disk.masses.sum() == pytest.approx(1.0, abs=1e-14)
     assert r.min() == pytest.approx(hole, abs=1e-15)
     edge = np.flatnonzero(r < hole * (1 + 1e-9))
@@ -107,10 +109,12 @@ def test_a_hole_is_round_and_empty_and_the_points_are_as_many_as_asked(
         points
     ) * np.sqrt(1 - hole**2) * (1 - 1e-12)
     polygon = 0.5 * len(edge) * hole**2 * np.sin(2 * np.pi / len(edge))
-    assert holes_of(disk) == [pytest.approx(polygon)] and not disk.whole
+    assert holes_of(disk) == [pytest.approx(polygon)]
+    assert not disk.whole
     area = 0.5 * double_area(disk.positions[disk.triangles])
     outer = disk.positions[disk.disk_surface]
-    assert area.min() > 0 and area.sum() == pytest.approx(polygon_area(outer) - polygon)
+    assert area.min() > 0
+    assert area.sum() == pytest.approx(polygon_area(outer) - polygon)
     if rim and points > 1000:  # the density is the same everywhere
         assert len(disk.disk_surface) / len(edge) == pytest.approx(1 / hole, rel=0.1)
 
@@ -143,13 +147,10 @@ def test_a_core_has_the_points_and_springs_within_and_the_mean_on_its_edge():
         for options in ({}, {"core_density": 3.0})
     )
     stiff = disk_lattice(1099, 2, hole=0.2, core_radius=0.5, core_stiffness=10.0)
-    assert (
-        plain.stiffness is core.stiffness is None
-        and np.ptp(plain.masses) == np.ptp(stiff.masses) == 0.0
-    )
-    assert (
-        core.positions == plain.positions
-    ).all() and core.masses.sum() == pytest.approx(1.0, abs=1e-14)
+    assert plain.stiffness is core.stiffness is None
+    assert np.ptp(plain.masses) == np.ptp(stiff.masses) == 0.0
+    assert (core.positions == plain.positions).all()
+    assert core.masses.sum() == pytest.approx(1.0, abs=1e-14)
     r = np.hypot(*core.positions.T)
     kinds = [
         core.masses[part]
@@ -161,10 +162,10 @@ def test_a_core_has_the_points_and_springs_within_and_the_mean_on_its_edge():
     )
     middle = np.hypot(*stiff.positions[stiff.bonds].mean(axis=1).T)
     on_edge = (np.abs(r[stiff.bonds] - 0.5) < 1e-9).all(axis=1)
-    assert set(stiff.stiffness[on_edge]) == {5.5} and on_edge.sum() == len(kinds[1])
-    assert set(stiff.stiffness[~on_edge & (middle < 0.5)]) == {10.0} and set(
-        stiff.stiffness[middle > 0.5]
-    ) == {1.0}
+    assert set(stiff.stiffness[on_edge]) == {5.5}
+    assert on_edge.sum() == len(kinds[1])
+    assert set(stiff.stiffness[~on_edge & (middle < 0.5)]) == {10.0}
+    assert set(stiff.stiffness[middle > 0.5]) == {1.0}
     # The core has the mass fraction of its area, 3 (a^2 - h^2) to 1 - a^2, up to the
     # whole number of rim points.
     heavy = kinds[2].sum() + 0.75 * kinds[1].sum()
@@ -226,7 +227,9 @@ def test_points_without_a_minimum_distance_are_uniform_in_the_circle():
 
 def test_scattered_points_are_as_dense_everywhere():
     # 0.75 is close to jamming, so only uncovered cells are searched in the end.
-    points, box, rng = 20_000, np.full(2, np.sqrt(np.pi)), np.random.default_rng(0)
+    points = 20_000
+    box = np.full(2, np.sqrt(np.pi))
+    rng = np.random.default_rng(0)
 
     def depth(p):
         return np.minimum(p, box - p).min(axis=1)
@@ -259,7 +262,8 @@ def test_points_in_a_row_make_no_flat_triangles(angle):
     # only up to rounding.
     grid = np.stack(np.meshgrid(np.arange(30.0), np.arange(9.0)), axis=-1)
     grid[1:-1, 1:-1] += 0.4 * np.random.default_rng(0).random((7, 28, 2)) - 0.2
-    c, s = np.cos(angle), np.sin(angle)
+    c = np.cos(angle)
+    s = np.sin(angle)
     mesh = triangulate(grid.reshape(-1, 2) @ np.array([[c, s], [-s, c]]))
     assert len(mesh.disk_surface) == 2 * (29 + 8)
     area = 0.5 * double_area(mesh.positions[mesh.triangles])
@@ -304,7 +308,8 @@ def test_arguments_out_of_range_are_named_and_are_those_of_a_scene():
 
 @pytest.mark.parametrize("points", [20, 60])
 def test_largest_eigenvalue_is_that_of_the_dense_matrix(points):
-    disk, masses = disk_lattice(points, 0), 1.0 + np.arange(points) / points
+    disk = disk_lattice(points, 0)
+    masses = 1.0 + np.arange(points) / points
     stiffness = network_stiffness(disk.positions, disk.bonds, 1.0)
     scale = 1.0 / np.sqrt(np.repeat(masses, 2))
     dense = np.linalg.eigvalsh(scale[:, None] * stiffness.toarray() * scale)[-1]

@@ -65,7 +65,8 @@ def test_the_triangles_of_a_mesh_become_a_disk_of_radius_1(tmp_path, name):
 
 
 def test_points_without_triangles_and_on_sides_are_left_out_with_a_note(tmp_path):
-    start, end = DISK.triangles, np.roll(DISK.triangles, -1, axis=1)
+    start = DISK.triangles
+    end = np.roll(DISK.triangles, -1, axis=1)
     on_sides = 0.5 * (DISK.positions[start] + DISK.positions[end]).reshape(-1, 2)
     number = 60 + np.arange(3 * len(start)).reshape(-1, 3)
     construction = [[0.01, 0.02]]
@@ -78,7 +79,8 @@ def test_points_without_triangles_and_on_sides_are_left_out_with_a_note(tmp_path
         ("triangle6", np.column_stack([start, number])),
     )
     disk = Lattice.read(path)
-    assert disk.disk_points == 60 and len(disk.triangles) == len(start)
+    assert disk.disk_points == 60
+    assert len(disk.triangles) == len(start)
     assert disk.notes[0].startswith("lengths of a.msh were multiplied by 0.04")
     count = len(points) - 60
     assert disk.notes[1].startswith(
@@ -115,7 +117,8 @@ def test_a_mesh_that_is_no_disk_is_refused_in_a_sentence(
     with pytest.raises(InputError) as refusal:
         read_lattice(path)
     text = str(refusal.value)
-    assert text.startswith(f"lattice.file: {path}: ") and message in text
+    assert text.startswith(f"lattice.file: {path}: ")
+    assert message in text
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,8 @@ from taichi_disk.simulation.observables import INDEX
 from taichi_disk.simulation.simulation import KernelCache, Simulation
 from taichi_disk.simulation.stepping import SUMS
 
-SMALL, VV = ("lattice.points=60", "wall.points=80", "wall.width=3.0"), VELOCITY_VERLET
+SMALL = ("lattice.points=60", "wall.points=80", "wall.width=3.0")
+VV = VELOCITY_VERLET
 LINEAR = ("material.eta_star=0", "material.k_b=0")
 
 
@@ -56,7 +57,8 @@ def test_a_law_that_a_scene_has_no_use_for_has_no_field_and_is_not_computed(
     scene, integrator, laws, monkeypatch
 ):
     runtime.start()
-    scenario, with_fields = load_scene(scene[0], scene[1:]).scenario(), set()
+    scenario = load_scene(scene[0], scene[1:]).scenario()
+    with_fields = set()
 
     def noted(make_fields):
         return lambda law, *arguments: (
@@ -77,12 +79,14 @@ def test_a_law_that_a_scene_has_no_use_for_has_no_field_and_is_not_computed(
     low = replace(
         scenario.lattice, positions=scenario.lattice.positions - np.array([0.0, 0.05])
     )
-    springs, rest = scenario.model.springs, (integrator, scenario.velocities, 1e-3)
+    springs = scenario.model.springs
+    rest = (integrator, scenario.velocities, 1e-3)
     simulation = Simulation(low, scenario.model, *rest)
     assert with_fields == set(laws)
     expected = simulation.advance(30, 3)[0]
     assert np.isfinite(expected).all()
-    assert expected.shape[1] == len(INDEX) and len(simulation.snapshot().sums) == SUMS
+    assert expected.shape[1] == len(INDEX)
+    assert len(simulation.snapshot().sums) == SUMS
     assert not hasattr(simulation.model.wall, "friction_now")
     # Parameters of an absent part do not affect the result.
     for name in [
@@ -90,10 +94,8 @@ def test_a_law_that_a_scene_has_no_use_for_has_no_field_and_is_not_computed(
         for name, there in (("k_b", springs.cubic), ("eta", springs.damped))
         if not there
     ]:
-        poisoned, wall = (
-            Springs(springs.k_a, springs.k_b, springs.eta),
-            replace(scenario.model.wall),
-        )
+        poisoned = Springs(springs.k_a, springs.k_b, springs.eta)
+        wall = replace(scenario.model.wall)
         setattr(poisoned, name, math.nan)
         wall.friction = math.nan
         assert simulation.restart(
@@ -107,16 +109,15 @@ def test_equal_springs_have_a_kernel_of_their_own_and_masses_need_no_other_kerne
     kernels,
 ):
     lattice = disk(60, height=0.03)
-    ones, masses = (
-        np.ones(len(lattice.bonds)),
-        lattice.masses * np.linspace(0.5, 1.5, 60),
-    )
+    ones = np.ones(len(lattice.bonds))
+    masses = lattice.masses * np.linspace(0.5, 1.5, 60)
     cases = {
         "plain": lattice,
         "stiff": replace(lattice, stiffness=ones),
         "heavy": replace(lattice, masses=masses),
     }
-    rows, made = {}, {}
+    rows = {}
+    made = {}
     for name, body in cases.items():
         made[name] = kernels.simulation(
             body, FALLING, VV, moving_down(body, 0.05), 1e-3
@@ -172,7 +173,8 @@ def test_the_numbers_of_a_scene_reach_its_laws(scene, own):
 @pytest.mark.validate
 def test_other_parameters_compile_nothing_and_a_larger_lattice_needs_a_simulation():
     runtime.start()
-    lattice, big = disk(60, height=0.03), disk(13_000)
+    lattice = disk(60, height=0.03)
+    big = disk(13_000)
     cache = KernelCache()
     other = replace(
         FALLING,
@@ -183,7 +185,8 @@ def test_other_parameters_compile_nothing_and_a_larger_lattice_needs_a_simulatio
         cache.simulation(body, model, VV, 0 * body.positions, 2e-3)
         for body, model in ((lattice, FALLING), (lattice, other), (big, other))
     )
-    assert first is second and third is not first
+    assert first is second
+    assert third is not first
     assert first.generation == -1
 
 
@@ -200,10 +203,12 @@ def test_a_lattice_with_other_rest_lengths_alone_is_another_lattice(kernels):
 
 
 def test_a_simulation_does_not_become_one_of_other_laws_or_of_no_room(kernels):
-    lattice, big = disk(60, height=0.03), disk(13_000)
+    lattice = disk(60, height=0.03)
+    big = disk(13_000)
     v = moving_down(lattice, 0.05)
     simulation = kernels.simulation(lattice, FALLING, VV, v, 1e-3)
-    row, generation = simulation.advance(10)[0][-1], simulation.generation
+    row = simulation.advance(10)[0][-1]
+    generation = simulation.generation
     assert not simulation.restart(lattice, damped(0.1), VV, v, 1e-3)
     assert not simulation.restart(lattice, FALLING, TRAPEZOIDAL, v, 1e-3)
     assert not simulation.restart(big, FALLING, VV, 0 * big.positions, 1e-3)

@@ -44,7 +44,8 @@ def store(path, **changes):
 
 def test_a_stored_lattice_is_restored_bit_for_bit(tmp_path):
     disk = read_lattice(store(tmp_path / "a.npz"))
-    assert disk.origin == "mine" and disk.notes == ()
+    assert disk.origin == "mine"
+    assert disk.notes == ()
     for name in set(STORED) - {"unloaded", "origin"}:
         assert getattr(disk, name).tobytes() == getattr(DISK, name).tobytes()
 
@@ -111,7 +112,8 @@ def test_a_stored_lattice_is_checked_as_what_a_user_gives(tmp_path, changes, mes
     with pytest.raises(InputError) as refusal:
         read_lattice(path)
     text = str(refusal.value)
-    assert text.startswith(f"lattice.file: {path}: ") and message in text
+    assert text.startswith(f"lattice.file: {path}: ")
+    assert message in text
 
 
 def test_a_lattice_from_python_is_checked_like_a_stored_one():

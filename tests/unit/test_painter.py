@@ -66,14 +66,18 @@ def test_the_camera_keeps_the_view_in_the_viewport_with_equal_scales():
         (-1.9, 1.9, -0.95, 2.1), 720, 700, 14.0, (0.0, 720.0, 60.0, 640.0)
     )
     (left, bottom), (right, top) = to_pixels(camera, [(-1.9, -0.95), (1.9, 2.1)])
-    assert left >= 14 and right <= 706 and top >= 73.999 and bottom <= 626.001
+    assert left >= 14
+    assert right <= 706
+    assert top >= 73.999
+    assert bottom <= 626.001
     assert to_pixels(camera, (1.0, 0.0)) - to_pixels(
         camera, (0.0, 1.0)
     ) == pytest.approx([camera.scale] * 2)
 
 
 def test_zooming_keeps_the_point_under_the_cursor_and_every_camera_has_an_inverse():
-    wide, cursor = Camera.fit(VIEW, 640, 480), (100.0, 50.0)
+    wide = Camera.fit(VIEW, 640, 480)
+    cursor = (100.0, 50.0)
     closer = wide.zoomed(2.5, cursor)
     assert to_pixels(closer, wide.to_scene(cursor)) == pytest.approx(cursor)
     left, right, low, high = closer.seen
@@ -104,7 +108,8 @@ def test_maps_are_even_in_lightness(theme, kind, bare):
 @pytest.mark.parametrize("eyes", DICHROMATS)
 def test_the_colour_blind_tell_compression_from_stretching(theme, eyes):
     seen = linear(colour_map(theme, "pressure")) @ DICHROMATS[eyes].T
-    low, high = seen[: LEVELS // 8].mean(axis=0), seen[-LEVELS // 8 :].mean(axis=0)
+    low = seen[: LEVELS // 8].mean(axis=0)
+    high = seen[-LEVELS // 8 :].mean(axis=0)
     # They can distinguish yellow from blue, so the fractions of blue in the seen
     # colours must differ.
     assert high[2] / high.sum() - low[2] / low.sum() > 0.25
@@ -130,7 +135,8 @@ def test_scales_end_at_round_numbers(value):
     limit = palette.round_near(value)
     assert 1 / 1.25 < limit / value < 1.25
     below = scales.round_below(value)
-    assert value / 2.5 < below <= value and f"{below:.6e}"[:8] in (
+    assert value / 2.5 < below <= value
+    assert f"{below:.6e}"[:8] in (
         "1.000000",
         "2.000000",
         "5.000000",
@@ -157,8 +163,10 @@ def test_numbers_are_written_as_in_print():
 def test_the_round_number_next_to_a_value_is_the_one_nearest_in_ratio():
     # 8.97 is nearer to 8 by difference but nearer to 10 by ratio; likewise 2.46 is
     # nearer to 2, but to 3 by ratio.
-    assert palette.round_near(0.0897) == 0.1 and palette.round_near(0.0246) == 0.03
-    assert palette.round_near(0.0892) == 0.08 and palette.round_near(0.0244) == 0.02
+    assert palette.round_near(0.0897) == 0.1
+    assert palette.round_near(0.0246) == 0.03
+    assert palette.round_near(0.0892) == 0.08
+    assert palette.round_near(0.0244) == 0.02
 
 
 def test_few_outliers_do_not_set_the_scale():
@@ -183,19 +191,16 @@ def test_the_wall_s_edge_is_where_it_pushes_with_the_largest_force():
 
 def test_arrows_that_would_touch_become_their_mean_and_weak_ones_are_left_out():
     default_painter = painter()
-    lowest, forces = (
-        np.argsort(default_painter.lattice.positions[:, 1])[:4],
-        np.array([0.002, 0.004, 0.006, 1e-6]),
-    )
+    lowest = np.argsort(default_painter.lattice.positions[:, 1])[:4]
+    forces = np.array([0.002, 0.004, 0.006, 1e-6])
     pushes = lowest, np.stack([np.zeros(4), forces], axis=1)
     default_painter.wall = SimpleNamespace(
         decay_length=1 / 300, contact_forces=lambda *state: pushes
     )
     x = default_painter.lattice.positions + [5.0, 0.0]
     feet, mean = default_painter.pushes(x, 0 * x, x, 10.0)
-    assert feet == pytest.approx(
-        x[lowest[:3]].mean(axis=0)[None]
-    ) and mean == pytest.approx(np.array([[0.0, 0.4]]))
+    assert feet == pytest.approx(x[lowest[:3]].mean(axis=0)[None])
+    assert mean == pytest.approx(np.array([[0.0, 0.4]]))
     assert len(default_painter.pushes(x, 0 * x, x, 1e-3)[0]) == 3
 
 
@@ -213,7 +218,8 @@ def test_arrows_begin_above_the_wall_s_edge_however_much_displacements_are_magni
 
 
 def test_the_head_of_a_short_arrow_is_in_proportion_and_never_longer_than_the_arrow():
-    length, head = np.array([0.35, 0.1, 0.007]), 0.06
+    length = np.array([0.35, 0.1, 0.007])
+    head = 0.06
     vectors = np.stack([np.zeros(3), length], axis=1)
     style = ArrowStyle(shaft=0.02, head=head, rim=0.01, fade=0.0)
     theme = THEMES["light"]
@@ -221,11 +227,14 @@ def test_the_head_of_a_short_arrow_is_in_proportion_and_never_longer_than_the_ar
     assert (colours[:, :3] == theme.ground).all(axis=1).sum() == len(points) / 2
     # first the rim, then the arrow: three filled triangles each, the last is the head
     front = points[len(points) // 2 :][: 3 * 9].reshape(3, 9, 2)
-    back, tip = front[:, 6], front[:, 7]
+    back = front[:, 6]
+    tip = front[:, 7]
     assert tip[:, 1] == pytest.approx(length)
-    half, depth = np.abs(back[:, 0]), tip[:, 1] - back[:, 1]
+    half = np.abs(back[:, 0])
+    depth = tip[:, 1] - back[:, 1]
     assert half == pytest.approx([head, *(0.65 / 1.56 * length[1:])])
-    assert (depth < tip[:, 1]).all() and depth == pytest.approx(1.56 * half)
+    assert (depth < tip[:, 1]).all()
+    assert depth == pytest.approx(1.56 * half)
 
 
 # ---- displacements shown larger
@@ -235,22 +244,24 @@ def test_a_rigid_motion_stays_where_it_is_and_a_strain_is_magnified():
     magnified_painter = painter(magnify=20.0)
     rest = magnified_painter.lattice.positions
     rest_at = rest.mean(axis=0)
-    cos, sin = np.cos(0.7), np.sin(0.7)
+    cos = np.cos(0.7)
+    sin = np.sin(0.7)
     flown = (rest - rest_at) @ np.array([[cos, sin], [-sin, cos]]) + [3.0, 1.5]
     assert magnified_painter.placed(flown) == pytest.approx(flown, abs=1e-12)
     # A disk that has shrunk uniformly: the lowest point stays, and all other
     # displacements are 20 times as large.
-    middle, low = rest_at[0], rest[:, 1].min()
+    middle = rest_at[0]
+    low = rest[:, 1].min()
     x = rest - 0.003 * (rest - [middle, low])
     assert magnified_painter.placed(x) == pytest.approx(
         rest - 0.06 * (rest - [middle, low]), abs=1e-12
     )
     assert (painter().placed(x) == x).all()
-    assert (
-        magnified_painter.remarks == ["displacements × 20"] and painter().remarks == []
-    )
+    assert magnified_painter.remarks == ["displacements × 20"]
+    assert painter().remarks == []
     plain, titled = (still(each)[0] for each in (painter(), magnified_painter))
-    assert (plain[:550] == titled[:550]).all() and (plain[550:] != titled[550:]).any()
+    assert (plain[:550] == titled[:550]).all()
+    assert (plain[550:] != titled[550:]).any()
 
 
 def still(painter, size=720):
@@ -289,11 +300,16 @@ def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, is_ba
     boxes = block.boxes()
     below = footer(letters, size)
     if size < 240:
-        assert not boxes and not header and not below
+        assert not boxes
+        assert not header
+        assert not below
         return
     assert len(boxes) > 6
     for k, (left, right, top, bottom) in enumerate(boxes):
-        assert left >= 0.0 and right <= size and top >= 0.0 and bottom <= size - below
+        assert left >= 0.0
+        assert right <= size
+        assert top >= 0.0
+        assert bottom <= size - below
         for other in boxes[k + 1 :]:
             is_beside = right <= other[0] or other[1] <= left
             assert is_beside or bottom <= other[2] + 3.0 or other[3] <= top + 3.0
@@ -341,7 +357,8 @@ def test_words_of_the_scales_do_not_overlap(size, factor, colour):
     assert ("stretched" in texts) == (colour == "pressure")
     for k, line in enumerate(drawn):
         left, right, _, _ = line.box
-        assert left >= 0.0 and right <= size
+        assert left >= 0.0
+        assert right <= size
         for other in drawn[k + 1 :]:
             first, last, _, _ = other.box
             is_apart = right <= first or last <= left

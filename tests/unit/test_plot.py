@@ -57,10 +57,8 @@ def test_an_impact_shows_velocity_force_and_energies_with_the_same_bytes_twice(
     scenario, columns = impact
     for name in ("a.png", "b.png"):
         plot_run(tmp_path / name, scenario, columns)
-    assert (
-        filecmp.cmp(tmp_path / "a.png", tmp_path / "b.png", shallow=False)
-        and len(list(tmp_path.iterdir())) == 2
-    )
+    assert filecmp.cmp(tmp_path / "a.png", tmp_path / "b.png", shallow=False)
+    assert len(list(tmp_path.iterdir())) == 2
     image = np.asarray(Image.open(tmp_path / "a.png").convert("L"))
     # Nothing is cut off: the outermost pixels are white.
     assert (
@@ -70,13 +68,10 @@ def test_an_impact_shows_velocity_force_and_energies_with_the_same_bytes_twice(
 
     motion, force, energy, balance = figures[0].axes
     curve, mark = motion.lines
-    e, last = (
-        scenario.result(columns)["restitution"],
-        columns["com_vy"][-1] / scenario.velocity,
-    )
-    assert curve.get_ydata()[[0, -1]] == pytest.approx([-1.0, last]) and list(
-        mark.get_ydata()
-    ) == pytest.approx([last] * 2)
+    e = scenario.result(columns)["restitution"]
+    last = columns["com_vy"][-1] / scenario.velocity
+    assert curve.get_ydata()[[0, -1]] == pytest.approx([-1.0, last])
+    assert list(mark.get_ydata()) == pytest.approx([last] * 2)
     assert [text.get_text() for text in motion.texts] == [f"e = {e:.4f}"]
     assert "contact" in force.texts[0].get_text()
     assert np.array_equal(force.lines[0].get_ydata(), columns["wall_force"])
@@ -84,24 +79,20 @@ def test_an_impact_shows_velocity_force_and_energies_with_the_same_bytes_twice(
     # Energies that this run does not have (absorbed, load, rotation) are not shown; the
     # others add up to the sum.
     *parts, left, total = shown
-    assert (
-        parts
-        == [
-            "flight",
-            "vibration",
-            "elastic",
-            "wall",
-            "dashpots",
-        ]
-        and total == "sum of all"
-    )
+    assert parts == [
+        "flight",
+        "vibration",
+        "elastic",
+        "wall",
+        "dashpots",
+    ]
+    assert total == "sum of all"
     assert sum(shown[name] for name in parts) == pytest.approx(shown[total], rel=1e-3)
     stored = np.interp(
         results_time(columns), columns["t"], columns["vibration"] + columns["elastic"]
     )
-    assert left.startswith("vibration left ") and shown[left][0] == pytest.approx(
-        stored
-    )
+    assert left.startswith("vibration left ")
+    assert shown[left][0] == pytest.approx(stored)
     for ax, unit in ((force, "[Mc²"), (energy, "[Mc²")):
         assert unit in ax.get_ylabel()
     assert "[R/c]" in balance.get_xlabel()
@@ -117,9 +108,8 @@ def test_a_loading_shows_load_and_energy_against_the_compression_and_the_law(
     plot_run(tmp_path / "a.png", scenario, columns)
     force, energy = figures[0].axes
     points, paper, exact = (line.get_xydata().T for line in force.lines[:3])
-    assert np.array_equal(
-        points, [columns["xi"], columns["wall_force"]]
-    ) and points.shape == (2, 24)
+    assert np.array_equal(points, [columns["xi"], columns["wall_force"]])
+    assert points.shape == (2, 24)
     assert [text.get_text() for text in force.get_legend().get_texts()][1:] == [
         "eq. (2), b = 1",
         "exact law, rigid wall",
@@ -133,11 +123,11 @@ def test_a_loading_shows_load_and_energy_against_the_compression_and_the_law(
     assert [text.get_text() for text in force.texts] == [
         f"ξ = {columns['xi'][-1]:.6g} R"
     ]
-    assert "[R/c]" not in energy.get_xlabel() and energy.get_xlabel().endswith("[R]")
+    assert "[R/c]" not in energy.get_xlabel()
+    assert energy.get_xlabel().endswith("[R]")
     elastic, wall, stored = (line.get_ydata() for line in energy.lines)
-    assert stored == pytest.approx(elastic + wall) and np.array_equal(
-        wall, columns["wall"]
-    )
+    assert stored == pytest.approx(elastic + wall)
+    assert np.array_equal(wall, columns["wall"])
 
 
 @pytest.mark.validate
@@ -168,7 +158,8 @@ def test_plots_by_threads_with_other_styles_and_by_another_process_have_the_same
 
     with ThreadPoolExecutor(2) as threads:
         first, second = threads.map(draw, ("a.png", "b.png"))
-    assert first == second and len(first) < 500_000
+    assert first == second
+    assert len(first) < 500_000
     monkeypatch.setattr("taichi_disk.output.plot.plot_run", plot_run)
     # also if that process fails
     for python, is_elsewhere in (

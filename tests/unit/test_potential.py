@@ -9,7 +9,8 @@ from taichi_disk.config.sections import ElasticWallSection, WallSection
 from taichi_disk.physics import ElasticWall, ExponentialWall
 
 NUMBERS = {"a": 30.0, "V0": 5.0}
-RIGID, ELASTIC = ExponentialWall(**NUMBERS), ElasticWall(**NUMBERS, threshold=0.1)
+RIGID = ExponentialWall(**NUMBERS)
+ELASTIC = ElasticWall(**NUMBERS, threshold=0.1)
 WALLS = (RIGID, ELASTIC, WallSection(**NUMBERS), ElasticWallSection(**NUMBERS))
 ABOVE = np.array([0.0, 0.01, 0.07])  # heights of three points over the lowest
 
@@ -29,7 +30,9 @@ def test_at_the_height_of_an_energy_or_a_force_the_wall_has_it(wall):
 
 
 def test_the_force_is_the_slope_of_the_potential_and_the_stiffness_that_of_the_force():
-    wall, y, step = RIGID, 0.05, 1e-6
+    wall = RIGID
+    y = 0.05
+    step = 1e-6
     slope = (wall.potential(y - step) - wall.potential(y + step)) / (2.0 * step)
     assert wall.force_at(y) == pytest.approx(slope, rel=1e-8)
     assert wall.potential(y + wall.decay_length) == pytest.approx(

@@ -39,9 +39,12 @@ def test_a_stage_that_ends_early_is_shown_as_complete_and_the_cursor_comes_back(
     simulate, render = [line for line in stream.getvalue().splitlines() if "%" in line][
         -2:
     ]
-    assert "simulate" in simulate and "100%" in simulate
-    assert "render" in render and "25%" in render
-    hidden, shown = "\x1b[?25l", "\x1b[?25h"
+    assert "simulate" in simulate
+    assert "100%" in simulate
+    assert "render" in render
+    assert "25%" in render
+    hidden = "\x1b[?25l"
+    shown = "\x1b[?25h"
     assert stream.getvalue().rfind(shown) > stream.getvalue().rfind(hidden) >= 0
 
 

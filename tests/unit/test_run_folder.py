@@ -104,8 +104,8 @@ def test_a_default_name_counts_on_past_other_runs_and_says_so(tmp_path):
     assert (
         notices[0]
         == f"{tmp_path}/run holds another run; this run goes into {tmp_path}/run-2"
-        and len(notices) == 3
     )
+    assert len(notices) == 3
 
 
 def test_a_folder_that_was_named_is_refused_if_it_holds_another_run_unless_overwriting(
@@ -125,10 +125,8 @@ def test_a_folder_that_was_named_is_refused_if_it_holds_another_run_unless_overw
     compute(tmp_path / "run", OTHER, overwrite=True, mark="second")
     # no film of the first
     assert set(content(tmp_path)) == {f"run/{name}" for name in RUN}
-    assert (
-        content(tmp_path)["run/plot.png"] == "second"
-        and content(tmp_path)["run/scene.yaml"] == OTHER
-    )
+    assert content(tmp_path)["run/plot.png"] == "second"
+    assert content(tmp_path)["run/scene.yaml"] == OTHER
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
@@ -199,7 +197,8 @@ def test_a_home_is_refused_even_if_it_is_empty(tmp_path, monkeypatch):
             ),
         ):
             compute(out)
-    assert os.stat(tmp_path / "home") == before and content(tmp_path) == {}
+    assert os.stat(tmp_path / "home") == before
+    assert content(tmp_path) == {}
     assert compute("~/run") == tmp_path / "home" / "run"
 
 
@@ -216,7 +215,8 @@ def test_films_and_trajectories_made_from_a_run_stay_beside_it(tmp_path):
         compute(out, mark=mark, files=("trajectory/0_springs.vtu", "trajectory.pvd"))
         assert content(out)["trajectory/0_springs.vtu"] == mark
     compute(out, OTHER, overwrite=True)
-    assert set(content(out)) == RUN and os.listdir(tmp_path) == ["run"]
+    assert set(content(out)) == RUN
+    assert os.listdir(tmp_path) == ["run"]
 
 
 def test_runs_that_began_with_arrays_of_a_person_are_no_runs_of_the_same_scene(
@@ -265,7 +265,9 @@ def test_of_two_simultaneous_runs_the_later_to_finish_takes_another_folder_and_s
 ):
     if before:
         compute(tmp_path / "run", before, mark="before")
-    notices, pid, third = [], os.getpid(), OTHER.replace("200", "300")
+    notices = []
+    pid = os.getpid()
+    third = OTHER.replace("200", "300")
     overwrite = overwrite or bool(before)
     with run_folder(tmp_path / "run", OTHER, False, overwrite, notices.append) as first:
         (first.path / "summary.json").write_text('{"status": "done"}')
@@ -275,15 +277,12 @@ def test_of_two_simultaneous_runs_the_later_to_finish_takes_another_folder_and_s
                 compute(tmp_path / "run", third, mark="second", overwrite=overwrite)
                 == tmp_path / "run"
             )
-    assert (
-        first.out == tmp_path / "run-2"
-        and len(notices) == 1
-        and f"goes into {tmp_path}/run-2" in notices[0]
-    )
+    assert first.out == tmp_path / "run-2"
+    assert len(notices) == 1
+    assert f"goes into {tmp_path}/run-2" in notices[0]
     assert content(tmp_path / "run")["plot.png"] == "second"
-    assert set(content(first.out)) == {"scene.yaml", "summary.json"} and set(
-        os.listdir(tmp_path)
-    ) == {"run", "run-2"}
+    assert set(content(first.out)) == {"scene.yaml", "summary.json"}
+    assert set(os.listdir(tmp_path)) == {"run", "run-2"}
 
 
 def test_a_file_that_comes_while_the_run_computes_stays_and_the_run_is_not_lost(
@@ -296,7 +295,8 @@ def test_a_file_that_comes_while_the_run_computes_stays_and_the_run_is_not_lost(
         (folder.path / "summary.json").write_text('{"status": "done"}')
         (tmp_path / "run").mkdir()
         (tmp_path / "run" / "notes").write_text("mine")
-    assert folder.out == tmp_path / "run-2" and len(notices) == 1
+    assert folder.out == tmp_path / "run-2"
+    assert len(notices) == 1
     assert set(content(tmp_path)) == {
         "run/notes",
         "run-2/scene.yaml",
@@ -408,7 +408,8 @@ def test_what_cannot_be_renamed_is_known_before_the_computation(
             assert folder.out == tmp_path / "run-2"
             (folder.path / "summary.json").write_text('{"status": "done"}')
         assert set(os.listdir(tmp_path)) == {"run", "run-2"}
-        assert len(notices) == 1 and "this run goes into" in notices[0]
+        assert len(notices) == 1
+        assert "this run goes into" in notices[0]
 
 
 LITTER = (
@@ -447,6 +448,5 @@ def test_a_link_to_a_folder_is_followed(tmp_path):
     (tmp_path / "disk").mkdir()
     (tmp_path / "link").symlink_to("disk")
     compute(tmp_path / "link")
-    assert (tmp_path / "link").is_symlink() and set(
-        os.listdir(tmp_path / "disk")
-    ) == RUN
+    assert (tmp_path / "link").is_symlink()
+    assert set(os.listdir(tmp_path / "disk")) == RUN

@@ -74,9 +74,11 @@ def off_by(driver, worst, closing=0.0):
     """Return the time series of `driver` with energy errors of `worst`, and `closing`
     at the end, over its energy scale.
     """
-    columns, scale = driver.columns, driver.scenario.energy_scale(driver.columns)
+    columns = driver.columns
+    scale = driver.scenario.energy_scale(driver.columns)
     error = np.full(len(columns["t"]), worst)
-    error[0], error[-1] = 0.0, closing
+    error[0] = 0.0
+    error[-1] = closing
     return columns | {"total": columns["total"][0] + scale * error}
 
 
@@ -88,9 +90,11 @@ def test_an_imbalance_shortens_the_step_as_order_2_asks(finished):
     control = control_of(*SMALL)
     first = control.step.dt
     assert first == pytest.approx(0.8 * control.step.limit)
-    assert not follows(control, 0.9, closing=0.9) and control.attempt == 1
+    assert not follows(control, 0.9, closing=0.9)
+    assert control.attempt == 1
     # dt -> dt 0.9/sqrt(4): the error, of order 2, falls to 0.81 of the allowed one.
-    assert follows(control, 4.0) and control.attempt == 2
+    assert follows(control, 4.0)
+    assert control.attempt == 2
     assert control.step.dt == pytest.approx(0.45 * first)
     # The step stays if shorter steps do not reduce the imbalance, or if the user has
     # chosen the step.
@@ -105,7 +109,8 @@ def test_what_a_fast_spin_loses_counts_against_the_slow_flight(kernels):
     # larger by sqrt(E/K).
     settings = ("impact.velocity=0.01", "impact.spin=1.0", "impact.gap=0.3")
     driver = driver_of(kernels, *SMALL, *settings)
-    control, scenario = control_of(*SMALL, *settings), driver.scenario
+    control = control_of(*SMALL, *settings)
+    scenario = driver.scenario
     more = np.sqrt(0.5 * (scenario.velocities**2).sum() / 60 / (0.5 * 0.01**2))
     assert more > 50.0
     driver.advance(steps=10)
@@ -173,10 +178,8 @@ def test_warnings_say_what_makes_a_result_doubtful(finished):
         )
         messages = diagnostics.warnings(scenario, columns)
         assert len(messages) == expected
-    assert (
-        "imbalance at the end is -0.0011" in messages[0]
-        and "slid from spring to spring" in messages[1]
-    )
+    assert "imbalance at the end is -0.0011" in messages[0]
+    assert "slid from spring to spring" in messages[1]
 
 
 # ---- the first choice
@@ -197,7 +200,8 @@ def test_dashpots_are_solved_for_where_that_costs_less_than_the_steps_that_it_sa
             "impact.gap=0.3",
         )
         control = control_of(*settings)
-        scenario, own = control.scenario, control.spectrum
+        scenario = control.scenario
+        own = control.spectrum
         implicit, explicit = (
             control.limit(way, scenario.point_force) for way in (TRAPEZOIDAL, VV)
         )
@@ -282,7 +286,8 @@ def test_a_whole_number_of_steps_fits_the_reset_interval(interval):
         f"wall.reset_interval={interval}",
         "impact.gap=0.3",
     )
-    step, scenario = control.step, control.scenario
+    step = control.step
+    scenario = control.scenario
     count = interval / step.dt
     assert count == pytest.approx(round(count), abs=1e-9)
     assert step.dt <= 0.8 * step.limit * (1 + 1e-12)

@@ -40,7 +40,8 @@ def test_finer_lattices_are_of_the_same_material(kind: str) -> None:
     assert changed.lattice.points == 240
     # The eta of a spring, the total mass, the shape of a wall and the drag of its
     # boundary stay the same.
-    before, after = scene.scenario(), changed.scenario()
+    before = scene.scenario()
+    after = changed.scenario()
     if kind == "absorbing_wall":
         drags = [
             2.0
@@ -50,10 +51,8 @@ def test_finer_lattices_are_of_the_same_material(kind: str) -> None:
             for scenario in (before, after)
         ]
         assert drags[1] == pytest.approx(drags[0], rel=0.1)
-    assert (
-        after.model.springs.eta == pytest.approx(before.model.springs.eta)
-        and before.model.springs.eta > 0.0
-    )
+    assert after.model.springs.eta == pytest.approx(before.model.springs.eta)
+    assert before.model.springs.eta > 0.0
     disk = slice(0, 60), slice(0, 240)
     assert after.lattice.masses[disk[1]].sum() == pytest.approx(
         before.lattice.masses[disk[0]].sum()
@@ -88,7 +87,8 @@ def test_no_lattice_is_tried_that_takes_hours_or_whose_points_come_from_a_file(
         change.change
         for change in changes(load_scene("exponential_wall", ["lattice.points=40000"]))
     ]
-    assert "N = 160,000, same η" in finer and "N = 640,000, same η" not in finer
+    assert "N = 160,000, same η" in finer
+    assert "N = 640,000, same η" not in finer
     (tmp_path / "points.csv").write_text("x,y\n0,0\n1,0\n0,1\n")
     own = load_scene(
         {"scene": "exponential_wall", "lattice": {"file": str(tmp_path / "points.csv")}}
@@ -100,9 +100,11 @@ def test_no_lattice_is_tried_that_takes_hours_or_whose_points_come_from_a_file(
 def test_a_change_without_a_result_says_why() -> None:
     scene = load_scene("exponential_wall", ["lattice.points=60", "impact.max_time=9.0"])
     change = with_result(scene, 0.9, Change(WALL, "a", {"impact.max_time": 0.1}))
-    assert math.isnan(change.difference) and "has not left the wall" in change.remark
+    assert math.isnan(change.difference)
+    assert "has not left the wall" in change.remark
     change = with_result(scene, 0.9, Change(WALL, "a", {"wall.a": -1.0}))
-    assert math.isnan(change.result) and "wall.a" in change.remark
+    assert math.isnan(change.result)
+    assert "wall.a" in change.remark
 
 
 def study_of(scene: str, *settings: str) -> StepStudy:
@@ -135,9 +137,10 @@ def test_errors_fall_with_the_square_of_the_step(
         assert np.polyfit(np.log(dt), np.log(error), 1)[0] == pytest.approx(
             2.0, abs=0.2
         )
-        assert off[-1] < 1e-3 and [
-            point.steps * point.dt for point in curve
-        ] == pytest.approx(len(curve) * [study.end])
+        assert off[-1] < 1e-3
+        assert [point.steps * point.dt for point in curve] == pytest.approx(
+            len(curve) * [study.end]
+        )
 
 
 @pytest.mark.usefixtures("kernels")
@@ -155,10 +158,8 @@ def test_the_sentence_says_what_matters() -> None:
         Change("scene", "", result=0.96),
         *(Change(SAMPLE, "", result=e) for e in (0.961, 0.959, 0.9605)),
     ]
-    wall, finer = (
-        Change(WALL, "", difference=-0.04),
-        Change(POINTS, "", difference=5e-4),
-    )
+    wall = Change(WALL, "", difference=-0.04)
+    finer = Change(POINTS, "", difference=5e-4)
     found = Findings("restitution", [STEP], [*samples, finer, wall])
     assert (
         found.sentence

@@ -61,7 +61,8 @@ def test_geometric_axes_have_equal_ratios_and_their_ends() -> None:
     v = load_sweep(IMPACT + "sweep: {velocity: {geom: [3e-3, 5e-2, 12]}}\n").blocks[0][
         "velocity"
     ]
-    assert v[0] == 3e-3 and v[-1] == 5e-2
+    assert v[0] == 3e-3
+    assert v[-1] == 5e-2
     ratios = [float(b) / float(a) for a, b in itertools.pairwise(v)]
     assert max(ratios) - min(ratios) < 1e-10
     whole = load_sweep(IMPACT + "sweep: {points: {geom: [1000, 4000, 3]}}\n")
@@ -91,7 +92,8 @@ def test_a_list_of_sections_is_swept_one_after_the_other_without_repeats() -> No
 )
 def test_the_resolved_sweep_is_the_same_sweep(text: str) -> None:
     sweep = load_sweep(IMPACT + f"sweep: {text}\n")
-    assert load_any(sweep.to_yaml()) == sweep and isinstance(sweep, Sweep)
+    assert load_any(sweep.to_yaml()) == sweep
+    assert isinstance(sweep, Sweep)
 
 
 def test_axes_can_be_set_from_the_command_line() -> None:

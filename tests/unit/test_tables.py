@@ -55,7 +55,8 @@ DIALECTS = {
 @pytest.mark.parametrize("dialect", DIALECTS)
 def test_every_unambiguous_dialect_gives_the_same_points(dialect):
     positions, masses = read_table(DIALECTS[dialect])
-    assert positions.shape == POINTS.shape and masses is None
+    assert positions.shape == POINTS.shape
+    assert masses is None
     assert positions == pytest.approx(POINTS, abs=1e-15)
 
 

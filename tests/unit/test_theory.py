@@ -12,7 +12,8 @@ from docs.experiments.quasistatic import quasistatic_impact
 from taichi_disk.figures import theory
 from taichi_disk.scenes.compression import exact_compression, paper_compression
 
-E, NU = 1.1, 0.29
+E = 1.1
+NU = 0.29
 
 
 def test_eq_2_lies_a_known_amount_above_the_exact_law_and_depends_on_b_over_e() -> None:
@@ -84,7 +85,8 @@ def test_a_small_viscosity_takes_the_power_of_its_dashpot_over_the_elastic_impac
 def test_a_constant_logarithm_would_make_the_impact_a_damped_oscillator() -> None:
     # As v -> 0, ln(4/xi) hardly changes in an impact: z'' = -w^2 (z + tau z'), w^2 = pi
     # E/L, until the force vanishes.
-    v, tau = 1e-280, 0.2
+    v = 1e-280
+    tau = 0.2
     L = math.log(4 / v)
     w = math.sqrt(math.pi * E / L)
     g = tau * w / 2

@@ -26,7 +26,8 @@ HEIGHT = math.pi * 1269 / (1099 * 3.8)  # equal points per area
 def test_the_disk_comes_first_unchanged_but_lifted_and_triangles_tile_the_wall_below(
     both,
 ):
-    assert both.positions.shape == (1099 + 1269, 2) and both.disk_points == 1099
+    assert both.positions.shape == (1099 + 1269, 2)
+    assert both.disk_points == 1099
     assert both.positions[:1099, 1].min() == 0.0
     assert np.ptp(both.positions[:1099] - DISK.positions, axis=0).max() < 1e-15
     for name in ("bonds", "rest_lengths", "triangles", "disk_surface"):
@@ -34,11 +35,10 @@ def test_the_disk_comes_first_unchanged_but_lifted_and_triangles_tile_the_wall_b
         assert (getattr(both, name)[: len(own)] == own).all()
     assert both.masses == pytest.approx(np.full(1099 + 1269, 1 / 1099))
 
-    surface, boundary = both.wall_surface, both.wall_boundary
-    bonds, triangles = (
-        both.bonds[len(DISK.bonds) :],
-        both.triangles[len(DISK.triangles) :],
-    )
+    surface = both.wall_surface
+    boundary = both.wall_boundary
+    bonds = both.bonds[len(DISK.bonds) :]
+    triangles = both.triangles[len(DISK.triangles) :]
     assert min(bonds.min(), triangles.min(), boundary.min(), surface.min()) >= 1099
     # The outline is split at the top corners, which belong to both parts.
     assert (surface[[0, -1]] == boundary[[0, -1]]).all()
@@ -62,7 +62,9 @@ def test_rows_along_the_sides_are_straight_and_evenly_spaced():
     assert top[[0, -1]] == pytest.approx(np.array([[-1.9, 0.0], [1.9, 0.0]]), abs=1e-15)
     assert (top[:, 1] == 0.0).all()
     x, y = PAPER.positions[PAPER.wall_boundary].T
-    left, bottom, right = x == -1.9, y == -wall_height(1099, 1269, 3.8), x == 1.9
+    left = x == -1.9
+    bottom = y == -wall_height(1099, 1269, 3.8)
+    right = x == 1.9
     assert (left | bottom | right).all()
     for along in (top[:, 0], y[left], x[bottom], y[right]):
         step = np.abs(np.diff(along))
@@ -76,7 +78,8 @@ def test_wall_points_keep_the_disks_distance_and_depend_on_the_seed_alone():
         1 - 1e-12
     )
     assert PAPER.rest_lengths.max() < 2.5 * hexagonal_spacing(1099)
-    again, other = with_wall(DISK, 1269, 3.8, 0), with_wall(DISK, 1269, 3.8, 1)
+    again = with_wall(DISK, 1269, 3.8, 0)
+    other = with_wall(DISK, 1269, 3.8, 1)
     assert (again.positions[1099:] == PAPER.positions[1099:]).all()
     assert (other.positions[1099:] != PAPER.positions[1099:]).any()
 

@@ -193,7 +193,9 @@ def _above_a_wall_point(scenario: Scenario) -> Scenario:
     return shifted
 
 
-RIGID, ELASTIC, PRESSED = "exponential_wall", "absorbing_wall", "compression"
+RIGID = "exponential_wall"
+ELASTIC = "absorbing_wall"
+PRESSED = "compression"
 SMALL = "lattice.points=150 "
 UNDAMPED = "material.eta_star=0 "
 FREE = SMALL + UNDAMPED
@@ -428,7 +430,8 @@ CASES = (
 def row(case: Case, kernels: KernelCache) -> dict[str, Any]:
     """Return a row of the table: the case, and what the program does."""
     verdict = case.judge(kernels)
-    summary, energy = verdict.summary, verdict.summary.get("energy", {})
+    summary = verdict.summary
+    energy = verdict.summary.get("energy", {})
     name = "restitution" if "restitution" in summary else "xi"
     entries = {
         "case": case.name,

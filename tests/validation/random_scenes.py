@@ -354,7 +354,9 @@ class ShortOnly:
     times steps up to `max_time`."""
 
     def __init__(self, kernels: KernelCache, most_work: float) -> None:
-        self.kernels, self.most_work, self.max_time = kernels, most_work, math.inf
+        self.kernels = kernels
+        self.most_work = most_work
+        self.max_time = math.inf
         self.compile_seconds = 0.0
 
     def simulation(
@@ -385,10 +387,8 @@ def fate(number: int, kernels: ShortOnly) -> tuple[Verdict, str]:
 
 
 def _fault(summary: dict[str, Any]) -> str:
-    value, energy = (
-        summary.get("restitution", summary.get("xi", math.nan)),
-        summary.get("energy"),
-    )
+    value = summary.get("restitution", summary.get("xi", math.nan))
+    energy = summary.get("energy")
     if not math.isfinite(value):
         return f"the result is {value}"
     if energy is None:

@@ -37,9 +37,11 @@ ROWS = 2000  # samples of the energy in a long run
 # Energy over its initial value. At h omega = 1.96 leapfrog's energy oscillates by a
 # factor 1/(1 - 0.98^2) = 25. Implicit dashpots turn random velocities, which strong
 # dashpots would stop at once, into a slowly decaying alternation.
-BOUNDED, LOST = 1e3, 1e6
+BOUNDED = 1e3
+LOST = 1e6
 # steps at 0.98 and 1.05 of the limit; strong implicit dashpots blow up slowly
-BELOW, ABOVE = 100_000, 200_000
+BELOW = 100_000
+ABOVE = 200_000
 
 
 def growth(simulation: Simulation, steps: int) -> float:
@@ -73,11 +75,9 @@ def test_steps_below_the_limit_stay_bounded_and_above_blow_up(
     integrator: Integrator, eta_star: float, pressed: bool, kernels: KernelCache
 ) -> None:
     for k_a in (1e-3, 1.0, 1e3):
-        lattice, springs, point_force = (
-            disk_lattice(POINTS, 0),
-            Springs(k_a, 0.0, eta_star / POINTS),
-            0.0,
-        )
+        lattice = disk_lattice(POINTS, 0)
+        springs = Springs(k_a, 0.0, eta_star / POINTS)
+        point_force = 0.0
         model = Model(springs)
         if pressed:
             model = Model(springs, WALL, Load(LOAD * k_a))
@@ -128,7 +128,9 @@ def wander(
     A free disk vibrates at strains of some per cent, or a disk bounces on the rigid
     wall, where energy moves between flight and vibration all the time.
     """
-    disk, model, force = disk_lattice(POINTS, 0), Model(Springs(1.0, 1e-3)), 0.0
+    disk = disk_lattice(POINTS, 0)
+    model = Model(Springs(1.0, 1e-3))
+    force = 0.0
     v = 0.003 * np.random.default_rng(seed).standard_normal((POINTS, 2))
     v -= v.mean(axis=0)
     rest = disk.positions

@@ -23,7 +23,8 @@ LONG = pytest.mark.validate
 def experiment(name: str) -> Any:
     path = Path(__file__).parents[2] / "docs" / "experiments" / f"{name}.py"
     spec = importlib.util.spec_from_file_location(name, path)
-    assert spec and spec.loader
+    assert spec
+    assert spec.loader
     module = sys.modules[name] = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -44,9 +45,8 @@ def test_dashpots_send_back_the_amplitude_of_theory(
         wave, 0.5, 1, impedance=impedance
     )
     theory = (1 - impedance) / (1 + impedance)
-    assert amplitude == pytest.approx(theory, abs=0.03) and energy == pytest.approx(
-        theory**2, abs=0.03
-    )
+    assert amplitude == pytest.approx(theory, abs=0.03)
+    assert energy == pytest.approx(theory**2, abs=0.03)
 
 
 @LONG
@@ -72,11 +72,9 @@ def test_vibrations_of_the_continuum_are_loves_and_its_impact_keeps_the_energy()
         ritz = float(modes.vibrations(order, 8)[0][0])
         assert ritz == pytest.approx(modes.exact_frequency(order, ritz), rel=1e-9)
     e, imbalance, ellipse, _ = modes.Disk(64, 5, 400).impact(0.02)
-    assert (
-        e == pytest.approx(0.9855, abs=1e-3)
-        and abs(imbalance) < 1e-6
-        and 0.0 < ellipse < 1.0 - e**2
-    )
+    assert e == pytest.approx(0.9855, abs=1e-3)
+    assert abs(imbalance) < 1e-6
+    assert 0.0 < ellipse < 1.0 - e**2
 
 
 @LONG
@@ -124,8 +122,10 @@ def test_strongly_damped_impacts_tend_to_equation_4(kernels: KernelCache) -> Non
     fine = [
         abs(error) for error in from_equation_4(kernels, 4396, 12000.0, 400.0, 7.5e-3)
     ]
-    assert fine[0] < 0.02 and fine[1] < 0.03
-    assert coarse[0] > 5 * fine[0] and coarse[1] > 5 * fine[1]
+    assert fine[0] < 0.02
+    assert fine[1] < 0.03
+    assert coarse[0] > 5 * fine[0]
+    assert coarse[1] > 5 * fine[1]
 
 
 @LONG
@@ -161,10 +161,8 @@ def test_an_oblique_impact_lies_within_the_scatter_of_its_table(
         for row in rows
         if float(row["roughness"]) == roughness and row["tan_gamma"] == "3.0"
     )
-    scene, body = (
-        oblique.thrown(3.0, k_a=10.0, contact="smooth"),
-        oblique.body(10.0, roughness, 0),
-    )
+    scene = oblique.thrown(3.0, k_a=10.0, contact="smooth")
+    body = oblique.body(10.0, roughness, 0)
     found = [
         oblique.impact(case, body)[0] for case in (scene, scene.with_(max_time=0.5))
     ]

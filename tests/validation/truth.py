@@ -64,20 +64,20 @@ def true_result(
     if not scenario.step_dependent:
         y = at_rest(scenario.lattice, scenario.model, end)[:, 1]
         return scenario.unloaded - float(y.mean() - y.min()), 0.0  # type: ignore[attr-defined]
-    wall, lattice = scenario.model.wall, scenario.lattice
+    wall = scenario.model.wall
+    lattice = scenario.lattice
     a, speed = wall.a, scenario.velocity  # type: ignore[union-attr, attr-defined]
     # Speed far from the wall; its potential at the start is 1e-7 of the kinetic energy,
     # or 5e-8 of e.
     far = float(np.sqrt(speed**2 + 2.0 * wall.energy(lattice, lattice.positions)))  # type: ignore[union-attr]
     # Go on until the wall's potential has fallen by e^3: at the end of the run it is
     # small, but not zero.
-    t, v = float(columns["t"][-1]), float(columns["com_vy"][-1])
+    t = float(columns["t"][-1])
+    v = float(columns["com_vy"][-1])
     stop = t + min(3.0 / (a * v), 0.3 * t)
 
-    reference, elastic = (
-        Reference(scenario.lattice, scenario.model),
-        scenario.model.elastic is not None,
-    )
+    reference = Reference(scenario.lattice, scenario.model)
+    elastic = scenario.model.elastic is not None
 
     def solved(rtol: float) -> float:
         found = reference.solve(scenario.velocities, stop, rtol)
@@ -97,7 +97,8 @@ def refined(
 ) -> dict[str, tuple[float, float]]:
     """Return each result at 1/`finest` of the step of `summary`, and its difference
     from that at twice the step."""
-    found, rows = [], scenario.row_interval / ROWS
+    found = []
+    rows = scenario.row_interval / ROWS
     for finer in (finest // 2, finest):
         step = {"dt": summary["dt"] / finer, "integrator": summary["integrator"]}
         time = replace(
