@@ -44,8 +44,8 @@ def pictured(path):
     ("name", "read"),
     [
         pytest.param("a.mp4", streamed, marks=pytest.mark.validate),
-        ("a.webm", streamed),
-        ("a.gif", pictured),
+        pytest.param("a.webm", streamed, marks=pytest.mark.validate),
+        pytest.param("a.gif", pictured, marks=pytest.mark.validate),
         ("a.png", pictured),
         ("a", pictured),
     ],

@@ -73,6 +73,7 @@ def test_two_runs_are_shown_side_by_side(runs, tmp_path):
     assert np.abs(left[80:190] - right[80:190]).mean() > 2.0
 
 
+@pytest.mark.validate
 def test_what_cannot_be_filmed_is_refused_with_the_reason(
     runs, tmp_path, capsys, monkeypatch
 ):

@@ -141,6 +141,7 @@ def test_a_throw_and_its_mirror_image_are_mirror_images(kernels):
     assert runs[0].columns["com_vx"][-1] != 0.0
 
 
+@pytest.mark.validate
 def test_a_frictionless_throw_at_an_angle_equals_that_of_dop853(kernels):
     settings = (
         "lattice.points=150",

@@ -53,7 +53,6 @@ FAST = {
     ("rigid", 0.0, VV),
     ("rigid", 0.0, VEFRL),
     ("rigid", 0.0, TAKAHASHI_IMADA),
-    ("rigid", ETA, TRAPEZOIDAL),
 }
 SCENES = ["compression", "rigid", "reset", "pinned", "matched"]
 WAYS = [(0.0, VV), (ETA, VV), (ETA, TRAPEZOIDAL), (0.0, VEFRL)]

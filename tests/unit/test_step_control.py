@@ -388,6 +388,7 @@ def test_no_tolerance_is_granted_to_a_chaotic_impact(kernels):
         computed(kernels, *CHAOTIC, "time.tolerance=1e-3")
 
 
+@pytest.mark.validate
 def test_a_result_that_is_hardly_known_is_printed_with_a_warning(kernels):
     _, outcome = computed(kernels, *CHAOTIC)
     error = outcome.summary["error_estimate"]["restitution"]
