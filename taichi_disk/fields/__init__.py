@@ -246,11 +246,9 @@ class Triangles:
 
     def _edges(self, x: Array) -> tuple[Array, Array]:
         # Gathering columns is several times faster than gathering pairs.
-        a, b, c = (
-            [y.take(corner) for y in np.ascontiguousarray(x.T)]
-            for corner in self._corners
-        )
-        return np.subtract(b, a), np.subtract(c, a)
+        columns = np.ascontiguousarray(x.T)
+        a, b, c = (columns.take(corner, axis=1) for corner in self._corners)
+        return b - a, c - a
 
     def areas(self, x: Array) -> Array:
         """Return the areas (t,) [R^2] of the triangles if the points are at `x` (n, 2)
@@ -273,10 +271,16 @@ class Triangles:
 
     def virials(self, springs: Springs, x: Array) -> Array:
         """Return T/|r| r r^T of each spring: xx, yy and xy (m, 3) [M c^2]."""
-        rx, ry = between = springs.ends_apart(self.lattice, x)
-        length = springs.lengths(between)
+        vectors = springs.ends_apart(self.lattice, x)
+        length = springs.lengths(vectors)
         pull = springs.pull(self.lattice, length - self.lattice.rest_lengths) / length
-        return np.stack([pull * rx * rx, pull * ry * ry, pull * rx * ry], axis=1)
+        rx, ry = vectors
+        pull_x, pull_y = pull * vectors
+        virials = np.empty((len(pull), 3))
+        virials[:, 0] = pull_x * rx
+        virials[:, 1] = pull_y * ry
+        virials[:, 2] = pull_x * ry
+        return virials
 
     def around(self, integrals: Array) -> Array:
         """Return the sums (n, ...) of `integrals` (t, ...) over the triangles around

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice import custom
@@ -74,6 +75,11 @@ class Lattice:
     stiffness: Array | None = None
     # what was changed when the points were read, for the user
     notes: tuple[str, ...] = ()
+
+    @cached_property
+    def ends(self) -> NDArray[np.intp]:
+        """The two ends (2, m) of the springs, in the type that NumPy indexes with."""
+        return np.ascontiguousarray(self.bonds.T, dtype=np.intp)
 
     @property
     def whole(self) -> bool:

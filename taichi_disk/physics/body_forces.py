@@ -120,12 +120,13 @@ class ExponentialWall(Wall, BodyForce):
         self, lattice: Lattice, x: Array, *moving: Any
     ) -> tuple[NDArray[np.intp], Array]:
         points = np.flatnonzero(x[: lattice.disk_points, 1] < self.reach)
-        force = self.forces(lattice, x)
+        force = np.zeros((len(points), 2))
+        force[:, 1] = self.force_at(x[points, 1])
         if moving and self.has_friction:
             v, springs = moving
             others = springs.forces(lattice, x) + springs.damping_forces(lattice, x, v)
-            force[:, 0] = self.friction_on(lattice, x, v, others)
-        return points, force[points]
+            force[:, 0] = self.friction_on(lattice, x, v, others)[points]
+        return points, force
 
 
 @ti.data_oriented

@@ -178,9 +178,10 @@ class Springs(Law):
 
     @staticmethod
     def ends_apart(lattice: Lattice, x: Array) -> Array:
-        i, j = lattice.bonds.T
-        # gathering columns is nine times faster than pairs
-        return np.stack([column[i] - column[j] for column in x.T])
+        i, j = lattice.ends
+        # gathering columns is several times faster than gathering pairs
+        columns = np.ascontiguousarray(x.T)
+        return columns.take(i, axis=1) - columns.take(j, axis=1)
 
     @staticmethod
     def lengths(vectors: Array) -> Array:
@@ -227,7 +228,7 @@ class Springs(Law):
 
     @staticmethod
     def _gathered(lattice: Lattice, n: int, pulls: Array) -> Array:
-        i, j = lattice.bonds.T
+        i, j = lattice.ends
         sums = [np.bincount(j, pull, n) - np.bincount(i, pull, n) for pull in pulls]
         return np.stack(sums, axis=1)
 
