@@ -125,8 +125,8 @@ def _by_place(rows: Rows) -> dict[str, Array]:
         del columns[2]
     if len(columns) not in (2, 3):
         raise InputError(
-            f"{_REQUIREMENT}; found {width} columns without names: write the names into the"
-            " first line, such as x,y,mass"
+            f"{_REQUIREMENT}; found {width} columns without names: write the names into"
+            " the first line, such as x,y,mass"
         )
     return dict(zip(("x", "y", "mass"), columns, strict=False))
 
