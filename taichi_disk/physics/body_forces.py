@@ -197,6 +197,7 @@ class MouseSpring(BodyForce):
 
     @ti.func
     def potential_at(self, state: ti.template(), i):
+        # a linear spring up to the largest pull, and a constant force beyond
         energy = 0.0
         if i == self.point[0]:
             k = self.k_now[None]
@@ -219,16 +220,16 @@ class MouseSpring(BodyForce):
 
     @ti.func
     def add_from_now_on(self, state: ti.template(), factor):
-        """Add `factor` times the pull to the forces at this step, and return that part
-        of the potential."""
+        """Add `factor` times the pull to the forces, from this step on, and return
+        `factor` times its potential energy [M c^2]."""
         i = self.point[0]
         energy = 0.0
         if i >= 0:
             force = factor * self.at(state, i)
             energy = factor * self.potential_at(state, i)
             put(state.f, i, get(state.f, i) + force)
-            # Only the second half of this step's kick lies after this moment, so only
-            # that half changes.
+            # The whole kick of this step will apply the new force, but its first half
+            # lies before this moment. Subtract that half from the velocity in advance.
             kick = state.closing[None] * state.inverse_mass[i] * force
             put(state.v, i, get(state.v, i) - kick)
             if ti.static(state.corrected):

@@ -223,8 +223,10 @@ class Springs(Law):
         velocity = self.ends_apart(lattice, v)
         if self.axial:
             d = self.ends_apart(lattice, x)
-            velocity = (velocity * d).sum(axis=0) / (d * d).sum(axis=0) * d
-        return self._gathered(lattice, len(v), lattice.stiffened(self.eta * velocity))
+            along = (velocity * d).sum(axis=0) / (d * d).sum(axis=0)
+            velocity = along * d
+        pulls = lattice.stiffened(self.eta * velocity)
+        return self._gathered(lattice, len(v), pulls)
 
     @staticmethod
     def _gathered(lattice: Lattice, n: int, pulls: Array) -> Array:
