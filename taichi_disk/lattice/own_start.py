@@ -14,7 +14,6 @@ from taichi_disk.lattice.files import points_of_disk, read_arrays, reading
 from taichi_disk.lattice.lattice import Lattice, checked_disk
 from taichi_disk.lattice.triangles import Array
 
-
 # arrays of a disk, in the order in which they are digested
 _ARRAYS = (
     "positions",

@@ -58,26 +58,12 @@ def modes(
     masses = disk.masses
     stiffness = springs.stiffness(disk, disk.positions)
     frequencies, shapes = _vibrations(stiffness, masses, count)
-
-    # Vectors are complex numbers: conj(a) b is the dot product of a and b plus i times
-    # their cross product.
-    at_rest = _complex(disk, disk.positions)
-    x = _complex(disk, positions)
-    v = _complex(disk, velocities)
-    inertia = (masses * at_rest.conj() * at_rest).sum().real
-    angular_momentum = (masses * x.conj() * v).sum().imag
-    kinetic = masses @ np.abs(v) ** 2 - angular_momentum**2 / inertia
-    energy = 0.5 * float(kinetic)
-    energy += springs.energy(disk, positions) - springs.energy(disk, disk.positions)
-
-    overlap = (masses * at_rest.conj() * x).sum()
-    rotation = abs(overlap) / overlap
-    spin = (masses * at_rest.conj() * v * rotation).sum().imag / abs(overlap)
-    displacement = _vectors(x * rotation - at_rest)
-    velocity = _vectors((v - 1j * spin * x) * rotation)
+    energy = _inner_energy(disk, springs, positions, velocities)
+    displacement, velocity = _in_eckart_frame(disk, positions, velocities)
     u = displacement.ravel()
     twice_kinetic = (masses[:, None] * velocity * velocity).sum()
-    harmonic = 0.5 * float(twice_kinetic + u @ (stiffness @ u))
+    twice_elastic = u @ (stiffness @ u)
+    harmonic = 0.5 * float(twice_kinetic + twice_elastic)
     q = np.einsum("kij,i,ij->k", shapes, masses, displacement)
     p = np.einsum("kij,i,ij->k", shapes, masses, velocity)
     energies = 0.5 * (p * p + (frequencies * q) ** 2)
@@ -88,6 +74,43 @@ def modes(
         rest=harmonic - float(energies.sum()),
         anharmonic=energy - harmonic,
     )
+
+
+# Vectors are complex numbers in the next two functions: conj(a) b is the dot product of
+# a and b plus i times their cross product.
+
+
+def _inner_energy(
+    disk: Lattice, springs: Springs, positions: Array, velocities: Array
+) -> float:
+    """Return the energy of a state without translation and rotation [M c^2]."""
+    masses = disk.masses
+    at_rest = _complex(disk, disk.positions)
+    x = _complex(disk, positions)
+    v = _complex(disk, velocities)
+    inertia = (masses * at_rest.conj() * at_rest).sum().real
+    angular_momentum = (masses * x.conj() * v).sum().imag
+    kinetic = masses @ np.abs(v) ** 2 - angular_momentum**2 / inertia
+    energy = 0.5 * float(kinetic)
+    return energy + (
+        springs.energy(disk, positions) - springs.energy(disk, disk.positions)
+    )
+
+
+def _in_eckart_frame(
+    disk: Lattice, positions: Array, velocities: Array
+) -> tuple[Array, Array]:
+    """Return displacements and velocities (n, 2) of a state in the frame of Eckart."""
+    at_rest = _complex(disk, disk.positions)
+    x = _complex(disk, positions)
+    v = _complex(disk, velocities)
+    overlap = (disk.masses * at_rest.conj() * x).sum()
+    rotation = abs(overlap) / overlap
+    turning = (disk.masses * at_rest.conj() * v * rotation).sum().imag
+    spin = turning / abs(overlap)
+    displacement = x * rotation - at_rest
+    velocity = (v - 1j * spin * x) * rotation
+    return _vectors(displacement), _vectors(velocity)
 
 
 def _complex(disk: Lattice, values: Array) -> NDArray[np.complex128]:
