@@ -90,7 +90,7 @@ def explain_bars(ax: Axes, lattices: Iterable[int]) -> None:
     counts = sorted({count for count in lattices if count > 1})
     if counts:
         label = f"bars: {' or '.join(map(str, counts))} lattices"
-        style = {"color": GREY, "linestyle": "none", "elinewidth": 0.8}
+        style: dict[str, Any] = {"color": GREY, "linestyle": "none", "elinewidth": 0.8}
         ax.errorbar([], [], [], label=label, **style)
 
 

@@ -323,10 +323,9 @@ def _points(
     styles = curve_styles(len(curves))
     for curve, style in zip(curves, styles, strict=True):
         x, y = place(curve)
-        scatter = {bars: curve.deviation}
         label = curve_label(curve.label)
-        dots = {"markersize": 3.5, "linestyle": "none"}
-        ax.errorbar(x, y, label=label, **scatter, **dots, **style)
+        options = {**style, bars: curve.deviation}
+        ax.errorbar(x, y, label=label, markersize=3.5, linestyle="none", **options)
     explain_bars(ax, [curve.lattices for curve in curves])
     return [style["color"] for style in styles]
 
