@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import yaml
 
-from taichi_disk.errors import InputError, did_you_mean, printable
+from taichi_disk.errors import InputError, did_you_mean, printable, shown_path
 from taichi_disk.text_files import read_text
 
 Source: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any]"
@@ -300,7 +300,7 @@ def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
     # the folder of a run may have the name of a shipped scene
     if not os.path.exists(path) or os.path.isdir(path):
         path = shipped_scenes().get(str(path), path)
-    label = printable(str(path), width=1000)
+    label = shown_path(path)
     folder = ""  # a pipe has none
     try:
         if path.is_file():

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, identity
 
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.lattice.triangles import Indices, double_area, pair_keys
+from taichi_disk.lattice.triangles import Indices, double_area, norms, pair_keys
 
 if TYPE_CHECKING:
     from taichi_disk.physics.springs import Springs
@@ -280,8 +280,8 @@ class Triangles:
 
     def virials(self, springs: Springs, x: Array) -> Array:
         """Return T/|r| r r^T of each spring: xx, yy and xy (m, 3) [M c^2]."""
-        vectors = springs.ends_apart(self.lattice, x)
-        length = springs.lengths(vectors)
+        vectors = self.lattice.spring_vectors(x)
+        length = norms(vectors)
         pull = springs.pull(self.lattice, length - self.lattice.rest_lengths) / length
         rx, ry = vectors
         pull_x, pull_y = pull * vectors

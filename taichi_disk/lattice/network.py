@@ -21,7 +21,7 @@ from taichi_disk.lattice.lattice import Lattice, triangulate
 from taichi_disk.lattice.random_points import (
     least_distance,
     rectangle_points,
-    rim_points,
+    rim_spacing,
 )
 from taichi_disk.lattice.triangles import Array, Indices, bond_lengths
 
@@ -227,7 +227,7 @@ def rectangle(
         points=round(points * length * width / math.pi),
         low=np.zeros(2),
         high=np.array([length, width]),
-        row=2.0 * math.pi / rim_points(points),
+        row=rim_spacing(points),
         spacing=least_distance(points, min_spacing),
     )
     return triangulate(x)

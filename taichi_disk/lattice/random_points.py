@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_disk.errors import InputError, SimulationError
-from taichi_disk.lattice.triangles import Array
+from taichi_disk.lattice.triangles import Array, norms
 
 MIN_POINTS = 3
 MAX_POINTS = 2_000_000
@@ -64,7 +64,7 @@ def circle_points(
     clear = max(height, 1.1 * np.pi / on_rim)
 
     def depth(p: Array) -> Array:
-        r = np.sqrt(p[:, 0] ** 2 + p[:, 1] ** 2)
+        r = norms(p.T)
         distance = radius - r
         if hole:
             distance = np.minimum(distance, r - hole - clear)
@@ -106,11 +106,16 @@ def rim_points(points: int, hole: float = 0.0) -> int:
     return min(on_rim, points - 1)
 
 
+def rim_spacing(points: int, hole: float = 0.0) -> float:
+    """Return the distance of neighbours along the rim [R]."""
+    return 2.0 * math.pi / rim_points(points, hole)
+
+
 def circle_faults(points: int, hole: float, core: float) -> list[tuple[str, str]]:
     """Return (key, message) for a hole or a core radius [R] that `points` points cannot
     resolve."""
     # 0.99 if `hole` is not a number
-    row = 2.0 * np.pi / rim_points(points, min(0.99, hole))
+    row = rim_spacing(points, min(0.99, hole))
     least = MIN_EDGE * row / (2.0 * np.pi)
     body = f"{points} points"
     of_hole = _radius_fault(hole, least, 1.0 - MIN_ROWS * row, body, MIN_ROWS)
@@ -153,7 +158,7 @@ def _unit_circle(turns: Array) -> Array:
         cos = 1.0 - square / ((k - 1) * k) * cos
         sin_over_angle = 1.0 - square / (k * (k + 1)) * sin_over_angle
     xy = -np.stack([cos, angle * sin_over_angle], axis=1)
-    return xy / np.sqrt(xy[:, :1] ** 2 + xy[:, 1:] ** 2)
+    return xy / norms(xy.T)[:, None]
 
 
 def hexagonal_spacing(points: int) -> float:

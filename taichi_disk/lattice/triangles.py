@@ -24,8 +24,15 @@ MAX_SPRING = 5.0
 
 def bond_lengths(positions: Array, bonds: NDArray[np.signedinteger]) -> Array:
     """Return the lengths (m,) [R] of `bonds` (m, 2) between `positions` (n, 2)."""
-    d = positions[bonds[:, 0]] - positions[bonds[:, 1]]
-    return np.sqrt(d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1])
+    i, j = bonds.T
+    return norms((positions[i] - positions[j]).T)
+
+
+def norms(vectors: Array) -> Array:
+    """Return the lengths (k,) of vectors (2, k)."""
+    # not np.hypot, whose rounding depends on the machine
+    x, y = vectors
+    return np.asarray(np.sqrt(x * x + y * y))
 
 
 def delaunay(points: Array) -> Long:

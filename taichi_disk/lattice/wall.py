@@ -14,7 +14,7 @@ from taichi_disk.lattice.random_points import (
     MIN_ROWS,
     least_distance,
     rectangle_points,
-    rim_points,
+    rim_spacing,
 )
 from taichi_disk.lattice.triangles import Indices
 
@@ -43,7 +43,7 @@ def with_wall(
     check_thickness(n, points, width)
     row = math.inf
     if rim:
-        row = 2.0 * math.pi / rim_points(n)
+        row = rim_spacing(n)
     x = rectangle_points(
         np.random.default_rng([seed, 1]),  # the disk uses `seed` alone
         points=points,
@@ -95,7 +95,7 @@ def wall_height(disk_points: int, points: int, width: float) -> float:
 
 def check_thickness(disk_points: int, points: int, width: float) -> None:
     """Raise InputError if a wall of this width is too thin, or has too few points."""
-    row = 2.0 * math.pi / rim_points(disk_points)
+    row = rim_spacing(disk_points)
     # With fewer points, the rows along the sides of the widest or narrowest wall would
     # need all of them.
     fewest = math.ceil(20.0 * row**2 * disk_points / math.pi)
