@@ -9,9 +9,6 @@ flight starts where the wall's potential is 1e-10 of the kinetic energy.
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -20,7 +17,6 @@ from importlib.util import find_spec
 from itertools import product
 from math import log, sqrt
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -37,6 +33,7 @@ from taichi_disk.simulation.observables import BLUE, GREEN, ORANGE, PINK, RED
 
 from .kernel import FREE, RIGID
 from .peers import SLOW, dop853, restitution, seconds_of, start_of
+from .timing import by_python, seconds_of_python
 
 SKY = "#56B4E9"
 # with a second run for the error estimate, without it, and at a given tolerance
@@ -54,7 +51,9 @@ RTOLS = {
     "Radau": (1e-5,),
     "BDF": (1e-6, 1e-7),
 }
-VERLET, IMADA, TRAPEZOIDAL = "velocity_verlet", "takahashi_imada", "trapezoidal"
+VERLET = "velocity_verlet"
+IMADA = "takahashi_imada"
+TRAPEZOIDAL = "trapezoidal"
 NAMES = {
     VERLET: "velocity Verlet",
     IMADA: "Takahashi-Imada",
@@ -184,7 +183,7 @@ def truth(impact: dict[str, Any]) -> float:
 # ---- the programs
 
 Measure = Callable[[int, list[float]], Measured]
-PEERS = ("tests.benchmarks.peers",)
+PEERS = ("-m", "tests.benchmarks.peers")
 
 
 def is_damped(impacts: list[dict[str, Any]]) -> bool:
@@ -211,6 +210,20 @@ def own_runs(impacts: list[dict[str, Any]], folder: Path) -> Iterator[Measure]:
             yield partial(bare_measured, impacts, method, setting, keys)
 
 
+def scenes_of(
+    impacts: list[dict[str, Any]], keys: list[str]
+) -> tuple[list[Any], list[Any]]:
+    """Return the scenes of all impacts with these keys, and of the timed ones."""
+    scenes = []
+    timed = []
+    for impact in impacts:
+        scene = load_scene(RIGID, [*impact["settings"], *keys])
+        scenes.append(scene)
+        if impact["is_timed"]:
+            timed.append(scene)
+    return scenes, timed
+
+
 def run_measured(
     impacts: list[dict[str, Any]],
     method: str,
@@ -220,15 +233,18 @@ def run_measured(
     repeats: int,
     truths: list[float],
 ) -> Measured:
-    scenes = [load_scene(RIGID, [*impact["settings"], *keys]) for impact in impacts]
+    scenes, timed = scenes_of(impacts, keys)
     results = [run(scene, lattices=1) for scene in scenes]
-    timed = [
-        scene
-        for scene, impact in zip(scenes, impacts, strict=True)
-        if impact["is_timed"]
-    ]
     out = folder / "run"
-    line = ["taichi_disk", "run", RIGID, "--no-video", "--lattices=1", "--overwrite"]
+    line = [
+        "-m",
+        "taichi_disk",
+        "run",
+        RIGID,
+        "--no-video",
+        "--lattices=1",
+        "--overwrite",
+    ]
     line += ["--out", str(out)]
     line += [f"--set={one}" for one in (*impacts[0]["settings"], *keys)]
     return Measured(
@@ -252,18 +268,13 @@ def bare_measured(
     truths: list[float],
 ) -> Measured:
     """Measure the impacts without a second run and without a command."""
-    scenes = [load_scene(RIGID, [*impact["settings"], *keys]) for impact in impacts]
+    scenes, timed = scenes_of(impacts, keys)
 
     def solve(scene: Any) -> float:
         outcome = outcome_of(scene, estimate=False)
         return float(outcome.summary["restitution"])
 
     values = [solve(scene) for scene in scenes]
-    timed = [
-        scene
-        for scene, impact in zip(scenes, impacts, strict=True)
-        if impact["is_timed"]
-    ]
     return Measured(
         program=f"run, {NAMES[method]}",
         setting=setting,
@@ -304,7 +315,7 @@ def peer_measured(
     truths: list[float],
 ) -> Measured:
     line = [*PEERS, program, repr(number)]
-    printed, _ = command([*line, str(repeats), str(file)])
+    printed, _ = by_python(*line, str(repeats), str(file))
     found = json.loads(printed)
     values = found["values"]
     seconds: list[float] = []
@@ -323,23 +334,8 @@ def peer_measured(
     )
 
 
-def command(arguments: list[str]) -> tuple[str, float]:
-    """Run a module in a process of its own; return what it prints, and its wall clock
-    [s]."""
-    # DOP853 multiplies 13 long rows by a few numbers: on a busy machine two threads of
-    # OpenBLAS wait for each other.
-    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
-    line = [sys.executable, "-m", *arguments]
-    began = perf_counter()
-    ended = subprocess.run(line, env=environment, capture_output=True, text=True)
-    seconds = perf_counter() - began
-    if ended.returncode:
-        raise RuntimeError(f"{' '.join(line)}: {ended.stderr}")
-    return ended.stdout, seconds
-
-
 def command_seconds(arguments: list[str], repeats: int) -> list[float]:
-    return [command(arguments)[1] for _ in range(repeats)]
+    return [seconds_of_python(*arguments) for _ in range(repeats)]
 
 
 def rms(values: list[float], truths: list[float]) -> float:
