@@ -117,7 +117,8 @@ def fit_restitution(velocity: Array, e: Array, d1_is_1: bool = False) -> Fit:
         means = weights @ e
         slope, level = np.polyfit(s, (means**2).T, 1)
         start = np.stack([level, -slope], axis=1)
-        A, B = least_squares(lambda p: root(p[:, :1], p[:, 1:]), means, start).T
+        A_and_B = least_squares(lambda p: root(p[:, :1], p[:, 1:]), means, start)
+        A, B = A_and_B.T
         d1 = np.sqrt(np.where(A > 0.0, A, np.nan))
         return np.stack([d1, B / A], axis=1)
 

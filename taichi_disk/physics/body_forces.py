@@ -98,6 +98,12 @@ class ExponentialWall(Wall, BodyForce):
     # ---- in NumPy
 
     def friction_on(self, lattice: Lattice, x: Array, v: Array, others: Array) -> Array:
+        """Return the friction (n,) along the wall [M c^2/R] on points at `x` with
+        velocities `v`, both (n, 2).
+
+        `others` (n, 2) are the other forces on the points. Friction balances them if a
+        point sticks.
+        """
         most = self.friction * self.forces(lattice, x)[:, 1]
         stopping = -(v[:, 0] * lattice.masses / STOPPING_TIME + others[:, 0])
         return np.clip(stopping, -most, most)

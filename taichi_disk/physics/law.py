@@ -174,14 +174,8 @@ class Wall(ExponentialPotential, Law):
         """
         raise NotImplementedError
 
-    def friction_on(self, lattice: Lattice, x: Array, v: Array, others: Array) -> Array:
-        """Return the friction (n,) along the wall [M c^2/R] on points at `x` with
-        velocities `v`, both (n, 2).
-
-        `others` (n, 2) are the other forces on the points. Friction balances them if a
-        point sticks.
-        """
-        return np.zeros(len(x))
+    # (lattice, x, v, others) -> friction along the wall, of a wall that has friction
+    friction_on: Callable[..., Array]
 
 
 class BodyForce(Law):
