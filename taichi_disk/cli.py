@@ -136,14 +136,13 @@ def _run(arguments: argparse.Namespace) -> int:
     print_result(summary, result.scenario.labels, result.out)
     for text in summary.get("notes", ()):
         _say(text)
-    errors = [summary.get("video_error"), summary.get("export_error")]
+    reasons = [summary.get("video_error"), summary.get("export_error")]
     if summary["status"] != "done":
-        errors.append(summary["reason"])
-    failed = False
-    for text in filter(None, errors):
+        reasons.append(summary["reason"])
+    errors = [text for text in reasons if text]
+    for text in errors:
         _print_error(f"error: {text}")
-        failed = True
-    return int(failed)
+    return int(bool(errors))
 
 
 def _sweep(arguments: argparse.Namespace) -> int:
@@ -209,18 +208,10 @@ def _render(arguments: argparse.Namespace) -> None:
         compared = [load(folder) for folder in arguments.compare]
         out = arguments.out
         if not out:
-            out = arguments.folder / _film_name(
-                result.scene.video.format, bool(compared)
-            )
-        result.film(
-            out,
-            compared,
-            progress,
-            at=arguments.at,
-            start=arguments.start,
-            end=arguments.end,
-            labels=arguments.label,
-        )
+            name = _film_name(result.scene.video.format, bool(compared))
+            out = arguments.folder / name
+        options = _options(arguments, "at", "start", "end")
+        result.film(out, compared, progress, labels=arguments.label, **options)
     what = "film"
     if out.suffix == ".png":
         what = "picture"
@@ -243,13 +234,8 @@ def _export(arguments: argparse.Namespace) -> None:
     if not form and not arguments.out:
         form = "xyz"
     result = Result.load(arguments.folder, say=_say)
-    out = result.export(
-        arguments.out or arguments.folder,
-        form,
-        arguments.frames,
-        arguments.times,
-        say=_say,
-    )
+    target = arguments.out or arguments.folder
+    out = result.export(target, form, arguments.frames, arguments.times, say=_say)
     print(f"trajectory in {out}")
 
 
@@ -486,13 +472,12 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _shipped(has_sweep: bool = False) -> str:
-    texts = {
-        name: path.read_text(encoding="utf-8")
-        for name, path in shipped_scenes().items()
-    }
-    return ", ".join(
-        name for name, text in texts.items() if ("\nsweep:" in text) == has_sweep
-    )
+    names = []
+    for name, path in shipped_scenes().items():
+        text = path.read_text(encoding="utf-8")
+        if ("\nsweep:" in text) == has_sweep:
+            names.append(name)
+    return ", ".join(names)
 
 
 def _add_scene(

@@ -73,6 +73,11 @@ def printable(text: str, width: int = 40) -> str:
     return text
 
 
+def shown_path(path: object) -> str:
+    """Return a path for a message, whole unless it is absurdly long."""
+    return printable(str(path), width=1000)
+
+
 def reason(error: BaseException) -> str:
     """Return the message of `error`; for an OSError only the system's words, because
     the caller names the file."""

@@ -141,7 +141,8 @@ def leave(status: int) -> NoReturn:
     engine_module = engine.loaded()
     if engine_module:
         engine_module.reset()
-    # Python restores the default handlers of signals before it takes its modules down,
-    # which takes 0.2 s: a signal would then end a finished run with its own status.
+    # Exit without Python's own shutdown: it first restores the default handlers of
+    # signals and then needs 0.2 s to delete the modules. A signal in that time would
+    # change the exit status of a finished run.
     atexit._run_exitfuncs()
     os._exit(status)

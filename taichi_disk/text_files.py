@@ -9,7 +9,7 @@ import codecs
 import stat
 from pathlib import Path
 
-from taichi_disk.errors import InputError, printable
+from taichi_disk.errors import InputError, shown_path
 
 # largest scene, summary or record [bytes]; a list of 100,000 numbers has 2 MB
 MAX_BYTES = 10_000_000
@@ -36,7 +36,8 @@ def read_text(path: Path, limit: int = MAX_BYTES, accept_pipe: bool = False) -> 
         line = data.count(b"\n", 0, error.start) + 1
         byte = data[error.start]
         raise InputError(
-            f"{_shown(path)}:{line}: not UTF-8 text (byte {byte:#x}): save it as UTF-8"
+            f"{shown_path(path)}:{line}: not UTF-8 text (byte {byte:#x}): save it as"
+            " UTF-8"
         ) from None
 
 
@@ -50,19 +51,15 @@ def check_file(path: Path, limit: int, accept_pipe: bool = False) -> None:
     if accept_pipe and stat.S_ISFIFO(status.st_mode):
         return
     if stat.S_ISDIR(status.st_mode):
-        raise InputError(f"{_shown(path)}: is a folder, not a file")
+        raise InputError(f"{shown_path(path)}: is a folder, not a file")
     if not stat.S_ISREG(status.st_mode):
-        raise InputError(f"{_shown(path)}: is a device or a pipe, not a file")
+        raise InputError(f"{shown_path(path)}: is a device or a pipe, not a file")
     if status.st_size > limit:
         raise _too_large(path, limit)
 
 
 def _too_large(path: Path, limit: int) -> InputError:
     return InputError(
-        f"{_shown(path)}: is larger than {limit / 1e6:,.0f} MB, the limit of such a"
+        f"{shown_path(path)}: is larger than {limit / 1e6:,.0f} MB, the limit of such a"
         " file"
     )
-
-
-def _shown(path: Path) -> str:
-    return printable(str(path), width=1000)

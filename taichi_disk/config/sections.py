@@ -67,12 +67,15 @@ class Key:
         """Return whether the key may have this value. A whole number is accepted for a
         float."""
         if isinstance(value, str):
-            takes_file = self.kind is str and not self.words
-            return value in self.words or (takes_file and _is_file_name(value))
+            if self.kind is str and not self.words:
+                return _is_file_name(value)
+            return value in self.words
         if self.kind is bool:
             return type(value) is bool
-        is_number = type(value) is self.kind or (type(value), self.kind) == (int, float)
-        if not is_number or not self.low <= value <= self.high:
+        kinds = [self.kind]
+        if self.kind is float:
+            kinds.append(int)
+        if type(value) not in kinds or not self.low <= value <= self.high:
             return False
         return self.step == 0 or value % self.step == 0
 

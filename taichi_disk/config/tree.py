@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import yaml
 
-from taichi_disk.errors import InputError, did_you_mean, printable
+from taichi_disk.errors import InputError, did_you_mean, printable, shown_path
 from taichi_disk.text_files import read_text
 
 Source: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any]"
@@ -83,14 +83,17 @@ class Tree:
 
     def refuse(self) -> None:
         """Raise InputError with all faults, if there are any."""
+        if not self.faults:
+            return
         # Report only the first fault of each value, because an unreadable value is also
         # invalid.
-        first = {(fault.mark, fault.key): fault for fault in reversed(self.faults)}
+        first: dict[tuple[Mark, str], Fault] = {}
+        for fault in self.faults:
+            first.setdefault((fault.mark, fault.key), fault)
         lines = [str(fault) for fault in sorted(first.values())]
         if len(lines) > 1:
             lines.insert(0, f"{len(lines)} faults in the scene:")
-        if lines:
-            raise InputError("\n  ".join(lines))
+        raise InputError("\n  ".join(lines))
 
     def entry(self, path: Keys) -> Entry:
         """Return the entry of `path`, or of its closest ancestor present in the
@@ -300,7 +303,7 @@ def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
     # the folder of a run may have the name of a shipped scene
     if not os.path.exists(path) or os.path.isdir(path):
         path = shipped_scenes().get(str(path), path)
-    label = printable(str(path), width=1000)
+    label = shown_path(path)
     folder = ""  # a pipe has none
     try:
         if path.is_file():
@@ -369,21 +372,23 @@ def _override(tree: Tree, override: str, rank: int) -> None:
 def _parents(tree: Tree, path: Keys, mark: Mark) -> dict[Keys, Any]:
     """Return the mappings that get the value of `path`, by their paths: one, or every
     section of a sweep, or none if something else is in the way."""
+    sections = path[:-1]
     blocks = tree.value.get("sweep")
-    if path[0] == "sweep" and len(path) == 2 and isinstance(blocks, list):
+    if sections == ("sweep",) and isinstance(blocks, list):
         return {
             ("sweep", str(k)): block
             for k, block in enumerate(blocks)
             if isinstance(block, dict)
         }
     parent = tree.value
-    for depth, part in enumerate(path[:-1], start=1):
-        parent = parent.setdefault(part, {})
-        tree.entries.setdefault(path[:depth], Entry(mark, mark, "a mapping"))
+    for depth, name in enumerate(sections, start=1):
+        here = sections[:depth]
+        parent = parent.setdefault(name, {})
+        tree.entries.setdefault(here, Entry(mark, mark, "a mapping"))
         if not isinstance(parent, dict):
-            tree.fault(mark, (), f"{'.'.join(path[:depth])} is not a section")
+            tree.fault(mark, (), f"{'.'.join(here)} is not a section")
             return {}
-    return {path[:-1]: parent}
+    return {sections: parent}
 
 
 def shipped_scenes() -> dict[str, Path]:

@@ -21,10 +21,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array, identity
 
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.lattice.lattice import double_area, pair_keys
+from taichi_disk.lattice.triangles import Indices, double_area, norms, pair_keys
 
 if TYPE_CHECKING:
     from taichi_disk.physics.springs import Springs
@@ -140,8 +141,9 @@ def own_values(
     if name == "force":
         return springs.tension(lattice, x)
     n = lattice.disk_points
+    masses = lattice.masses[:n]
     relative = v.copy()
-    relative[:n] -= lattice.masses[:n] @ v[:n] / lattice.masses[:n].sum()
+    relative[:n] -= masses @ v[:n] / masses.sum()
     speed = np.hypot(relative[:, 0], relative[:, 1])
     if name == "speed":
         return speed
@@ -209,48 +211,53 @@ class Triangles:
         n = len(lattice.positions)
         m = len(lattice.bonds)
         t = len(self.triangles)
-        corners = [self.triangles, np.roll(self.triangles, -1, axis=1)]
-        ends = np.stack(corners, axis=-1).reshape(-1, 2)
-        # possible because bonds are sorted
-        sides = np.searchsorted(pair_keys(lattice.bonds, n), pair_keys(ends, n))
-        count = np.bincount(sides, minlength=m)
+        next_corners = np.roll(self.triangles, -1, axis=1)
+        sides = np.stack([self.triangles, next_corners], axis=-1).reshape(-1, 2)
+        # the spring of each side, found so because bonds are sorted
+        spring = np.searchsorted(pair_keys(lattice.bonds, n), pair_keys(sides, n))
+        count = np.bincount(spring, minlength=m)
         self.fraction = np.where(count > 0, 1.0 / np.maximum(count, 1), 0.0)
-        self.outline = ends[count[sides] == 1]
+        self.outline = sides[count[spring] == 1]
         self.crossing = lattice.bonds[count == 0]
-        self.interfaces = self.crossing[:0]
-        if lattice.stiffness is not None:
-            # stiffness of each triangle
-            stiffness = np.median(lattice.stiffness[sides].reshape(-1, 3), axis=1)
-            if len(np.unique(stiffness)) <= MAX_MATERIALS:
-                at_side = np.repeat(stiffness, 3)
-                mean = self.fraction * np.bincount(sides, at_side, m)
-                differs = np.unique(sides[at_side != mean[sides]])
-                self.interfaces = lattice.bonds[differs]
+        self.interfaces = self._interfaces(spring)
         area = np.abs(double_area(lattice.positions[self.triangles]))
         self._min_area = 0.5 * MIN_AREA * area
         # Three matrices for sums: `carried` over the springs of a triangle, `_around`
         # over the triangles around a point, `_neighbours` over a point and its
         # neighbours.
-        owner = np.repeat(np.arange(t), 3)
+        owner = np.repeat(np.arange(t), 3)  # the triangle of each side
         ones = np.ones(3 * t)
-        self.carried = csr_array((self.fraction[sides], (owner, sides)), (t, m))
         self._around = csr_array((ones, (self.triangles.ravel(), owner)), (n, t))
-        crossing = np.flatnonzero(count == 0)
-        if len(crossing):
-            point = lattice.bonds[crossing].ravel()
+        self.carried = csr_array((self.fraction[spring], (owner, spring)), (t, m))
+        if len(self.crossing):
+            point = self.crossing.ravel()
+            column = np.repeat(np.flatnonzero(count == 0), 2)
             fraction = 0.5 / self._around.sum(axis=1)[point]
-            ends = csr_array((fraction, (point, np.repeat(crossing, 2))), (n, m))
-            self.carried = csr_array(self.carried + self._around.T @ ends)
+            at_ends = csr_array((fraction, (point, column)), (n, m))
+            self.carried = csr_array(self.carried + self._around.T @ at_ends)
         pairs = csr_array((np.ones(m), lattice.bonds.T), (n, n))
         self._neighbours = csr_array(pairs + pairs.T + identity(n))
 
+    def _interfaces(self, spring: NDArray[np.intp]) -> Indices:
+        """Return the sides whose two triangles differ in stiffness. `spring` (3t,): the
+        spring of each side of each triangle."""
+        lattice = self.lattice
+        if lattice.stiffness is None:
+            return lattice.bonds[:0]
+        of_triangle = np.median(lattice.stiffness[spring].reshape(-1, 3), axis=1)
+        if len(np.unique(of_triangle)) > MAX_MATERIALS:
+            return lattice.bonds[:0]
+        at_side = np.repeat(of_triangle, 3)
+        mean = self.fraction * np.bincount(spring, at_side, len(lattice.bonds))
+        differs = np.unique(spring[at_side != mean[spring]])
+        return lattice.bonds[differs]
+
     def _edges(self, x: Array) -> tuple[Array, Array]:
+        """Return the vectors (2, t) from the first corner to the two others."""
         # Gathering columns is several times faster than gathering pairs.
-        a, b, c = (
-            [y.take(corner) for y in np.ascontiguousarray(x.T)]
-            for corner in self._corners
-        )
-        return np.subtract(b, a), np.subtract(c, a)
+        columns = np.ascontiguousarray(x.T)
+        a, b, c = (columns.take(corner, axis=1) for corner in self._corners)
+        return b - a, c - a
 
     def areas(self, x: Array) -> Array:
         """Return the areas (t,) [R^2] of the triangles if the points are at `x` (n, 2)
@@ -260,23 +267,29 @@ class Triangles:
         by this bound.
         """
         u, w = self._edges(x)
-        return np.asarray(np.maximum(0.5 * (u[0] * w[1] - u[1] * w[0]), self._min_area))
+        area = 0.5 * (u[0] * w[1] - u[1] * w[0])
+        return np.asarray(np.maximum(area, self._min_area))
 
     def area_rates(self, x: Array, v: Array) -> Array:
         """Return the rates of change (t,) of the areas [R c] at velocities `v` (n, 2)
         [c]: div v times the area."""
         u, w = self._edges(x)
         du, dw = self._edges(v)
-        return np.asarray(
-            0.5 * (du[0] * w[1] - du[1] * w[0] + u[0] * dw[1] - u[1] * dw[0])
-        )
+        double_rate = du[0] * w[1] - du[1] * w[0] + u[0] * dw[1] - u[1] * dw[0]
+        return np.asarray(0.5 * double_rate)
 
     def virials(self, springs: Springs, x: Array) -> Array:
         """Return T/|r| r r^T of each spring: xx, yy and xy (m, 3) [M c^2]."""
-        rx, ry = between = springs.ends_apart(self.lattice, x)
-        length = springs.lengths(between)
+        vectors = self.lattice.spring_vectors(x)
+        length = norms(vectors)
         pull = springs.pull(self.lattice, length - self.lattice.rest_lengths) / length
-        return np.stack([pull * rx * rx, pull * ry * ry, pull * rx * ry], axis=1)
+        rx, ry = vectors
+        pull_x, pull_y = pull * vectors
+        virials = np.empty((len(pull), 3))
+        virials[:, 0] = pull_x * rx
+        virials[:, 1] = pull_y * ry
+        virials[:, 2] = pull_x * ry
+        return virials
 
     def around(self, integrals: Array) -> Array:
         """Return the sums (n, ...) of `integrals` (t, ...) over the triangles around
@@ -314,7 +327,8 @@ def smooth_stress(triangles: Triangles, springs: Springs, x: Array) -> Array:
     # fringe. Each average over six neighbours adds 3/7 of the squared spacing to the
     # variance along x and y.
     spacing = float(np.median(triangles.lattice.rest_lengths))
-    passes = int(np.clip(round(SMOOTHING**2 / (3.0 / 7.0 * spacing**2)), 1, MAX_PASSES))
+    averages = round(SMOOTHING**2 / (3.0 / 7.0 * spacing**2))
+    passes = min(max(averages, 1), MAX_PASSES)
     return triangles.smoothed(point_stress(triangles, springs, x), passes)
 
 

@@ -9,7 +9,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from taichi_disk.lattice import Array
 from taichi_disk.output.inline import Plot
@@ -41,11 +41,11 @@ def to_change(figure: Plot) -> Plot:
     """Prepare a figure for changes: new ticks get its style, and its layout is computed
     whenever it is drawn."""
     figure.set_layout_engine("constrained")
+    grid_style = {
+        "grid_color": STYLE["grid.color"],
+        "grid_linewidth": STYLE["grid.linewidth"],
+    }
     for ax in figure.axes:
-        grid_style = {
-            "grid_color": STYLE["grid.color"],
-            "grid_linewidth": STYLE["grid.linewidth"],
-        }
         ax.tick_params(which="both", labelsize=FONT["font.size"], **grid_style)
     figure.draw_without_rendering()
     figure.set_dpi(200)
@@ -87,12 +87,11 @@ def curve_styles(count: int) -> list[dict[str, Any]]:
 def explain_bars(ax: Axes, lattices: Iterable[int]) -> None:
     """Add the meaning of the bars to the legend. `lattices`: numbers of lattices in the
     means."""
-    several = sorted({count for count in lattices if count > 1})
-    if several:
-        text = f"bars: {' or '.join(map(str, several))} lattices"
-        ax.errorbar(
-            [], [], [], color=GREY, linestyle="none", elinewidth=0.8, label=text
-        )
+    counts = sorted({count for count in lattices if count > 1})
+    if counts:
+        label = f"bars: {' or '.join(map(str, counts))} lattices"
+        style: dict[str, Any] = {"color": GREY, "linestyle": "none", "elinewidth": 0.8}
+        ax.errorbar([], [], [], label=label, **style)
 
 
 def log_if_wide(ax: Axes, x: Array) -> None:
@@ -101,5 +100,5 @@ def log_if_wide(ax: Axes, x: Array) -> None:
     if x.max() >= 4.0 * x.min() > 0.0:
         ax.set_xscale("log")
         ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
+        ax.xaxis.set_major_formatter("{x:g}")
         ax.xaxis.set_minor_formatter(NullFormatter())

@@ -80,7 +80,9 @@ class Curve:
     @property
     def deviation(self) -> Array | None:
         """Standard deviation over lattices (points,), or None for a single lattice."""
-        return np.asarray(self.y.std(0, ddof=1)) if len(self.y) > 1 else None
+        if self.lattices == 1:
+            return None
+        return np.asarray(self.y.std(0, ddof=1))
 
     @property
     def lattices(self) -> int:
@@ -216,10 +218,9 @@ def analyse(base: Scene, axes: Sequence[str], rows: Sequence[Row]) -> list[Curve
             poisson=poisson,
             is_damped=_is_damped(base, label),
         )
-        for name in figure.fits:
-            if FITS[name].applies(curve):
-                curve.fits[name] = FITS[name].fit(curve)
-        curves.append(curve)
+        rules = {name: FITS[name] for name in figure.fits}
+        fits = {name: r.fit(curve) for name, r in rules.items() if r.applies(curve)}
+        curves.append(replace(curve, fits=fits))
     return curves
 
 
@@ -242,13 +243,13 @@ def _measured(
         return x, None
     results = {}
     for name in names:
-        table = [_values(row, places, name) for row in complete]
+        table = [_values(row_at, places, name) for row_at in complete]
         results[name] = np.array(table, float)
     return x, results
 
 
-def _values(rows: Mapping[Any, Row], places: Iterable[Any], name: str) -> list[Any]:
-    return [rows[place][name] for place in places]
+def _values(row_at: Mapping[Any, Row], places: Iterable[Any], name: str) -> list[Any]:
+    return [row_at[place][name] for place in places]
 
 
 def _mean_moduli(rows: Sequence[Row], seed: str) -> tuple[float, float]:
@@ -264,10 +265,11 @@ def _mean_moduli(rows: Sequence[Row], seed: str) -> tuple[float, float]:
 def _is_damped(base: Scene, label: dict[str, Any]) -> bool:
     swept = {}
     for name, value in label.items():
-        section, key = target_of(base, name) or ("", "")
-        if section == "material":
-            swept[key] = value
-    return bool(replace(base.material, **swept).dashpots[1])
+        target = target_of(base, name)
+        if target is not None and target[0] == "material":
+            swept[target[1]] = value
+    _key, viscosity = replace(base.material, **swept).dashpots
+    return viscosity != 0.0
 
 
 def grouped(
@@ -320,8 +322,10 @@ def _points(
     `bars`; return the colours."""
     styles = curve_styles(len(curves))
     for curve, style in zip(curves, styles, strict=True):
-        options = {**style, bars: curve.deviation, "label": curve_label(curve.label)}
-        ax.errorbar(*place(curve), markersize=3.5, linestyle="none", **options)
+        x, y = place(curve)
+        label = curve_label(curve.label)
+        options = {**style, bars: curve.deviation}
+        ax.errorbar(x, y, label=label, markersize=3.5, linestyle="none", **options)
     explain_bars(ax, [curve.lattices for curve in curves])
     return [style["color"] for style in styles]
 

@@ -10,8 +10,16 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from taichi_disk.errors import InputError
-from taichi_disk.figures import axes as drawing
-from taichi_disk.figures.axes import FONT, SYMBOLS
+from taichi_disk.figures.axes import (
+    FONT,
+    SYMBOLS,
+    curve_label,
+    curve_styles,
+    explain_bars,
+    log_if_wide,
+    one_plot,
+    to_change,
+)
 from taichi_disk.figures.curves import Row, grouped
 from taichi_disk.output.inline import Plot
 from taichi_disk.output.plot import STYLE, matplotlib_style
@@ -40,40 +48,51 @@ def result_figure(
         columns = [name for name, value in rows[0].items() if _is_number(value)]
         raise InputError(f"y: no row has a number {y}; there are {', '.join(columns)}")
     others = [name for name in axes if name not in (x, "seed", "lattice.seed")]
+    in_order = sorted(with_number, key=lambda row: (not _is_number(row[x]), row[x]))
     with matplotlib_style({**STYLE, **FONT}):
-        return _figure(base, x, others, with_number, y)
+        curves = grouped(in_order, others)
+        figure, ax = one_plot(2.6 + 0.09 * len(curves))
+        _draw_curves(ax, curves, others, x, y)
+        if isinstance(in_order[0][x], float):
+            log_if_wide(ax, np.array([row[x] for row in in_order]))
+        _set_labels(ax, base, x, y)
+        figure.legend(loc="outside upper center", ncols=2)
+        return to_change(figure)
 
 
-def _figure(
-    base: Scene, axis: str, others: Sequence[str], rows: Sequence[Row], y: str
-) -> Plot:
-    """Draw column `y` of `rows` against `axis`, a curve for each value of `others`."""
-    rows = sorted(rows, key=lambda row: (not _is_number(row[axis]), row[axis]))
-    curves = grouped(rows, others)
-    figure, ax = drawing.one_plot(2.6 + 0.09 * len(curves))
-    counts: set[int] = set()
-    styles = drawing.curve_styles(len(curves))
-    for style, (values, members) in zip(styles, curves.items(), strict=True):
-        at_place: dict[Any, list[float]] = {}
-        for row in members:
-            at_place.setdefault(row[axis], []).append(row[y])
-        counts.update(len(numbers) for numbers in at_place.values())
+def _draw_curves(
+    ax: Axes,
+    curves: dict[tuple[Any, ...], list[Row]],
+    names: Sequence[str],
+    x: str,
+    y: str,
+) -> None:
+    """Draw the mean of column `y` at each value of the axis `x`. `curves`: rows by the
+    values of the other axes, `names`."""
+    lattices: set[int] = set()
+    styles = curve_styles(len(curves))
+    for style, (values, rows) in zip(styles, curves.items(), strict=True):
+        numbers = {}
+        for (place,), members in grouped(rows, [x]).items():
+            numbers[place] = [row[y] for row in members]
+            lattices.add(len(members))
         ax.errorbar(
-            list(at_place),
-            [np.mean(numbers) for numbers in at_place.values()],
-            # 0 for a single lattice
-            [np.std(one, ddof=min(1, len(one) - 1)) for one in at_place.values()],
+            list(numbers),
+            [np.mean(several) for several in numbers.values()],
+            [_deviation(several) for several in numbers.values()],
             linestyle="-",
             markersize=3.5,
-            label=drawing.curve_label(dict(zip(others, values, strict=True))),
+            label=curve_label(dict(zip(names, values, strict=True))),
             **style,
         )
-    drawing.explain_bars(ax, counts)
-    if isinstance(rows[0][axis], float):
-        drawing.log_if_wide(ax, np.array([row[axis] for row in rows]))
-    _set_labels(ax, base, axis, y)
-    figure.legend(loc="outside upper center", ncols=2)
-    return drawing.to_change(figure)
+    explain_bars(ax, lattices)
+
+
+def _deviation(numbers: Sequence[float]) -> float:
+    """Return the standard deviation, 0 for a single lattice."""
+    if len(numbers) == 1:
+        return 0.0
+    return float(np.std(numbers, ddof=1))
 
 
 def _is_number(value: Any) -> bool:
@@ -81,12 +100,14 @@ def _is_number(value: Any) -> bool:
 
 
 def _set_labels(ax: Axes, base: Scene, axis: str, y: str) -> None:
-    section, key = target_of(base, axis) or ("", "")
+    target = target_of(base, axis)
+    assert target is not None  # `axis` is swept
+    section, key = target
     unit = base.sections()[section].schema()[key].unit
     symbol = SYMBOLS.get(key) or key.replace("_", " ")
     ax.set_xlabel(_label(symbol, unit))
-    name, unit = LABELS.get(y, (y.replace("_", " "), ""))
-    ax.set_ylabel(_label(name, unit))
+    without_unit = (y.replace("_", " "), "")
+    ax.set_ylabel(_label(*LABELS.get(y, without_unit)))
 
 
 def _label(name: str, unit: str) -> str:

@@ -14,7 +14,7 @@ fit are therefore found by resampling whole lattices (bootstrap; Efron 1979).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -80,26 +80,27 @@ def fit_b(pressure: Array, xi: Array, young: float, poisson: float) -> Fit:
     and largest b of fits to single lattices.
     """
 
-    def solve(weights: Array) -> Array:
-        data = weights @ xi
-
-        def relative(b: Array) -> Array:
-            positive = np.maximum(b, 1e-6)
-            return paper_compression(pressure, young, poisson, positive) / data
-
-        start = np.ones((len(data), 1))
-        b = least_squares(relative, np.ones_like(data), start)
-        return np.maximum(b, 0.0)
-
-    def law(b: float) -> Array:
+    def law(b: float | Array) -> Array:
         return paper_compression(pressure, young, poisson, b)
 
+    def solve(weights: Array) -> Array:
+        means = weights @ xi
+
+        def over_means(b: Array) -> Array:
+            return law(np.maximum(b, 1e-6)) / means
+
+        start = np.ones((len(means), 1))
+        b = least_squares(over_means, np.ones_like(means), start)
+        return np.maximum(b, 0.0)
+
     fit = _fit(("b",), solve, law, xi)
-    each = solve(np.eye(len(xi)))[:, 0]
-    fit.values["b_min"] = float(each.min())
-    fit.values["b_median"] = float(np.median(each))
-    fit.values["b_max"] = float(each.max())
-    return fit
+    of_lattices = solve(np.eye(len(xi)))
+    scatter = {
+        "b_min": float(of_lattices.min()),
+        "b_median": float(np.median(of_lattices)),
+        "b_max": float(of_lattices.max()),
+    }
+    return replace(fit, values=fit.values | scatter)
 
 
 def fit_restitution(velocity: Array, e: Array, d1_is_1: bool = False) -> Fit:
@@ -109,32 +110,32 @@ def fit_restitution(velocity: Array, e: Array, d1_is_1: bool = False) -> Fit:
     # that fits e^2 is the start of the fit to e.
     s = 1.0 / np.sqrt(np.log(4.0 / velocity))
 
-    def law(level: float | Array, slope: Array) -> Array:
-        return np.asarray(np.sqrt(np.maximum(level - slope * s, 0.0)))
+    def root(A: float | Array, B: Array) -> Array:
+        return np.asarray(np.sqrt(np.maximum(A - B * s, 0.0)))
 
     def solve(weights: Array) -> Array:
-        data = weights @ e
-        slope, level = np.polyfit(s, (data**2).T, 1)
+        means = weights @ e
+        slope, level = np.polyfit(s, (means**2).T, 1)
         start = np.stack([level, -slope], axis=1)
-        best = least_squares(lambda p: law(p[:, :1], p[:, 1:]), data, start)
-        A, B = best.T
+        A_and_B = least_squares(lambda p: root(p[:, :1], p[:, 1:]), means, start)
+        A, B = A_and_B.T
         d1 = np.sqrt(np.where(A > 0.0, A, np.nan))
         return np.stack([d1, B / A], axis=1)
 
     def solve_d2(weights: Array) -> Array:
-        data = weights @ e
-        start = (1.0 - data**2) @ s / (s @ s)
-        d2 = least_squares(lambda p: law(1.0, p), data, start[:, None])
+        means = weights @ e
+        start = (1.0 - means**2) @ s / (s @ s)
+        d2 = least_squares(lambda B: root(1.0, B), means, start[:, None])
         return np.concatenate([np.ones_like(d2), d2], axis=1)
 
-    def fitted(d1: float, d2: float) -> Array:
+    def law(d1: float, d2: float) -> Array:
         return paper_restitution(velocity, d1, d2)
 
     if not d1_is_1:
-        return _fit(("d1", "d2"), solve, fitted, e)
-    fit = _fit(("d1", "d2"), solve_d2, fitted, e)
-    fit.intervals.pop("d1", None)
-    return fit
+        return _fit(("d1", "d2"), solve, law, e)
+    fit = _fit(("d1", "d2"), solve_d2, law, e)
+    intervals = {name: fit.intervals[name] for name in fit.intervals if name != "d1"}
+    return replace(fit, intervals=intervals)
 
 
 def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
@@ -142,18 +143,23 @@ def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
     [M c^2/R^2]."""
     predict = quasistatic_curves(tuple(velocity.tolist()), e_star)
     unit = e_star**-0.5
-    grid = np.geomspace(1e-3, MAX_TAU0, 48, dtype=np.float64)
+    grid = np.geomspace(1e-3, MAX_TAU0, 48, dtype=np.float64)  # in this unit
+    on_grid = predict(unit * grid)
 
-    table = predict(unit * grid)
+    def in_units(tau0: Array) -> Array:
+        return predict(unit * tau0[:, 0])
 
     def solve(weights: Array) -> Array:
-        data = weights @ e
-        squares = (table[None] - data[:, None]) ** 2
+        means = weights @ e
+        squares = (on_grid[None] - means[:, None]) ** 2
         nearest = squares.sum(axis=2).argmin(axis=1)
         start = grid[nearest][:, None]
-        return unit * least_squares(lambda tau: predict(unit * tau[:, 0]), data, start)
+        return unit * least_squares(in_units, means, start)
 
-    return _fit(("tau0",), solve, lambda tau0: predict(np.array([tau0]))[0], e)
+    def law(tau0: float) -> Array:
+        return predict(np.array([tau0]))[0]
+
+    return _fit(("tau0",), solve, law, e)
 
 
 @lru_cache(maxsize=4)  # shared by all curves of a figure
@@ -166,13 +172,13 @@ def quasistatic_curves(velocity: tuple[float, ...], e_star: float) -> Prediction
     top = np.log1p(5.0 * MAX_TAU0)
     nodes = -np.cos(np.linspace(0.0, np.pi, 11))
     tau0_of_nodes = np.expm1(0.5 * top * (1.0 + nodes)) / 5.0
-    table = _restitutions(unit * np.array(velocity), tau0_of_nodes[:, None])
-    series = chebfit(nodes, table, 10)
+    e_of_nodes = _restitutions(unit * np.array(velocity), tau0_of_nodes[:, None])
+    series = chebfit(nodes, e_of_nodes, 10)
 
     def predict(tau0: Array) -> Array:
         scaled = np.clip(tau0 / unit, 0.0, MAX_TAU0)
-        place = 2.0 * np.log1p(5.0 * scaled) / top - 1.0
-        return chebval(place, series).T
+        argument = 2.0 * np.log1p(5.0 * scaled) / top - 1.0  # from -1 to 1
+        return chebval(argument, series).T
 
     return predict
 
@@ -186,9 +192,9 @@ def _restitutions(velocity: Array, tau0: Array) -> Array:
     Integration to xi = 0 would change e by O(tau0^2). The paper takes e at the fixed
     time pi (R/c) sqrt(ln(4 c/v)) instead.
     """
-    # With xi' = v r cos(phi) and xi + tau0 xi' = v r sin(phi), r is integrated over
-    # phi, from r = sqrt(1 + tau0^2) at atan(tau0) to r = e at pi. Steps are short at
-    # both ends, where ln xi is steep.
+    # With xi' = v r cos(phi) and xi + tau0 xi' = v r sin(phi), the amplitude r is
+    # integrated over phi, from r = sqrt(1 + tau0^2) at atan(tau0) to r = e at pi. Steps
+    # are short at both ends, where ln xi is steep.
     from scipy.integrate import solve_ivp
 
     log_4_over_v = np.log(4.0 / velocity)
@@ -196,10 +202,11 @@ def _restitutions(velocity: Array, tau0: Array) -> Array:
     span = np.pi - first
     start = 0.5 * np.log1p(tau0**2) + 0.0 * log_4_over_v
 
-    def slope(t: float, log_r: Array) -> Array:
-        """Return d(log r)/dt, where phi = first + span (10 t^3 - 15 t^4 + 6 t^5)."""
-        phi = first + span * t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
-        phi_rate = span * 30.0 * (t * (1.0 - t)) ** 2
+    def slope(s: float, log_r: Array) -> Array:
+        """Return d(log r)/ds at phi = first + span (10 s^3 - 15 s^4 + 6 s^5). The
+        parameter s, from 0 to 1, makes the steps of phi short at both ends."""
+        phi = first + span * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+        phi_rate = span * 30.0 * (s * (1.0 - s)) ** 2
         sin = np.sin(phi)
         cos = np.cos(phi)
         depth = np.maximum(sin - tau0 * cos, 1e-300)  # xi/(v r)
@@ -220,20 +227,25 @@ def fit_curvature(x: Array, y: Array) -> Fit:
     # Negative values are concave, the paper's "convex upwards".
     middle = len(x) // 2
     top = x.max()
-    halves = []
-    for half in (slice(0, middle), slice(middle, None)):
-        powers = np.vander(x[half] / top, 3)
-        halves.append((half, powers, np.linalg.pinv(powers)))
+    halves = (slice(0, middle), slice(middle, None))
+    powers = [np.vander(x[half] / top, 3) for half in halves]
+    inverses = [np.linalg.pinv(matrix) for matrix in powers]
+    mean = y.mean(0)
+    parabolas = []
+    for half, matrix, inverse in zip(halves, powers, inverses, strict=True):
+        parabolas.append(matrix @ (inverse @ mean[half]))
 
     def solve(weights: Array) -> Array:
         means = weights @ y
-        leading = [means[:, half] @ inverse[0] for half, _, inverse in halves]
+        leading = []
+        for half, inverse in zip(halves, inverses, strict=True):
+            leading.append(means[:, half] @ inverse[0])
         return np.stack(leading, axis=1) * 2.0 / top**2
 
-    mean = y.mean(0)
-    parabolas = [powers @ (inverse @ mean[half]) for half, powers, inverse in halves]
-    both = np.concatenate(parabolas)
-    return _fit(("slow_half", "fast_half"), solve, lambda *_: both, y)
+    def law(*_curvatures: float) -> Array:
+        return np.concatenate(parabolas)
+
+    return _fit(("slow_half", "fast_half"), solve, law, y)
 
 
 def least_squares(model: Prediction, data: Array, start: Array) -> Array:
@@ -242,15 +254,16 @@ def least_squares(model: Prediction, data: Array, start: Array) -> Array:
     x: Array = np.array(start, float)
     for _ in range(12):
         steps = 1e-6 * np.maximum(np.abs(x), 1e-3)
-        columns = []
+        slopes = []
         for j, unit in enumerate(np.eye(x.shape[1])):
             change = model(x + steps * unit) - model(x - steps * unit)
-            columns.append(change / (2.0 * steps[:, j, None]))
-        J = np.stack(columns, axis=1)
+            slopes.append(change / (2.0 * steps[:, j, None]))
+        J = np.stack(slopes, axis=1)  # (k, p, points)
+        residuals = data - model(x)
+        gradient = J @ residuals[:, :, None]
         # ten times faster than pinv(J)
         inverse = np.linalg.pinv(J @ J.swapaxes(1, 2), hermitian=True)
-        residuals = data - model(x)
-        x += (inverse @ (J @ residuals[:, :, None]))[:, :, 0]
+        x += (inverse @ gradient)[:, :, 0]
     return x
 
 
@@ -273,8 +286,9 @@ def _fit(
     scatter = np.nan
     if lattices > 1:
         counts = np.random.default_rng(0).multinomial(lattices, equal, RESAMPLES)
-        fits = solve(counts / lattices)
-        bounds = np.nanquantile(fits, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0)
+        resampled = solve(counts / lattices)
+        tail = 0.5 - LEVEL / 2
+        bounds = np.nanquantile(resampled, [tail, 0.5 + LEVEL / 2], axis=0)
         for name, (low, high) in zip(names, bounds.T.tolist(), strict=True):
             intervals[name] = (low, high)
         scatter = float(np.sqrt(np.mean(y.var(0, ddof=1))))

@@ -52,7 +52,6 @@ def check_body(x: Array, max_offset: float = MAX_OFFSET) -> None:
     a disk, and their mean is at most `max_offset` [R] from x = 0."""
     from scipy.spatial import cKDTree
 
-    n = len(x)
     width, height = np.ptp(x, axis=0)
     if not _MIN_EXTENT <= max(width, height) <= MAX_EXTENT:
         raise InputError(
@@ -66,18 +65,21 @@ def check_body(x: Array, max_offset: float = MAX_OFFSET) -> None:
             f"the points' mean lies at x = {middle:.4g} R: shift them so that it is at"
             " x = 0"
         )
-    for i, j in sorted(cKDTree(x).query_pairs(_MIN_DISTANCE * hexagonal_spacing(n))):
+    least = _MIN_DISTANCE * hexagonal_spacing(len(x))
+    for i, j in sorted(cKDTree(x).query_pairs(least)):
         raise InputError(f"points {i} and {j} are the same, {shown_point(x[i])}")
 
 
 def checked_springs(springs: ArrayLike, n: int) -> Long:
+    """Return `springs` as an array (m, 2) of distinct pairs of n points."""
     pairs = _checked_corners(springs, n, "spring", 2)
-    for k in np.flatnonzero(pairs[:, 0] == pairs[:, 1]):
+    first, second = pairs.T
+    for k in np.flatnonzero(first == second):
         raise InputError(
             f"spring {k} joins {pairs[k].tolist()}: it needs two different points"
         )
-    _, first = np.unique(pair_keys(pairs, n), return_index=True)
-    for k in np.setdiff1d(np.arange(len(pairs)), first):
+    _, distinct = np.unique(pair_keys(pairs, n), return_index=True)
+    for k in np.setdiff1d(np.arange(len(pairs)), distinct):
         raise InputError(
             f"spring {k} joins {pairs[k].tolist()}, which are joined already"
         )
@@ -108,11 +110,11 @@ def _refuse_overlap(corners: Long, x: Array) -> None:
     # this line as a side of the same direction, because both are counter-clockwise.
     start = corners.ravel()
     end = np.roll(corners, -1, axis=1).ravel()
-    _, first, number = np.unique(
-        start * len(x) + end, return_index=True, return_inverse=True
-    )
-    for side in np.setdiff1d(np.arange(len(start)), first):
-        earlier = _shown_triangle(corners, first[number[side]] // 3)
+    directed = start * len(x) + end  # a number for each side with its direction
+    _, first = np.unique(directed, return_index=True)
+    for side in np.setdiff1d(np.arange(len(directed)), first):
+        same_side = np.argmax(directed == directed[side])  # the first of them
+        earlier = _shown_triangle(corners, same_side // 3)
         later = _shown_triangle(corners, side // 3)
         raise InputError(
             f"{later}, and {earlier}, overlap: they lie on the same side of the line"
@@ -139,7 +141,8 @@ def _shown_triangle(corners: Long, k: Any) -> str:
 def _checked_corners(values: ArrayLike, n: int, name: str, width: int) -> Long:
     corners = np.asarray(values)
     has_form = corners.ndim == 2 and corners.shape[1] == width
-    if not has_form or not np.issubdtype(corners.dtype, np.integer):
+    has_integers = np.issubdtype(corners.dtype, np.integer)
+    if not (has_form and has_integers):
         kind = f"{corners.dtype} of shape {corners.shape}"
         raise InputError(
             f"{name}s must be whole numbers of shape (any, {width}), not {kind}"
@@ -165,33 +168,33 @@ def left_out(x: Array, used: Long) -> str:
     )
 
 
-def masses_of(values: ArrayLike, points: int) -> Array:
-    """Return `values` as the masses (points,) of a body, in any unit."""
+def check_masses(masses: Array) -> None:
+    """Raise InputError unless a body can have these `masses`, which are in any unit."""
     lightest, heaviest = _MASSES
-    array = _within(_column(values, points, "masses"), "masses", lightest, heaviest)
-    return _within(array, "masses", _LIGHTEST * array.max(), heaviest)
+    _check_range("masses", masses, lightest, heaviest)
+    _check_range("masses", masses, _LIGHTEST * masses.max(), heaviest)
 
 
-def of_springs(values: ArrayLike, springs: int, name: str) -> Array:
-    """Return `values` as the rest lengths or stiffnesses (springs,) of springs."""
-    return _within(_column(values, springs, name), name, *_OF_SPRINGS[name])
+def check_springs(name: str, values: Array) -> None:
+    """Raise InputError unless springs can have these rest lengths or stiffnesses."""
+    _check_range(name, values, *_OF_SPRINGS[name])
 
 
-def _column(values: ArrayLike, count: int, name: str) -> Array:
+def column(values: ArrayLike, count: int, name: str) -> Array:
+    """Return `values` as a new array (count,)."""
     array = numbers(values, name)
     if array.shape != (count,):
         raise InputError(f"{name} must have the shape ({count},), not {array.shape}")
     return array
 
 
-def _within(array: Array, name: str, low: float, high: float) -> Array:
+def _check_range(name: str, array: Array, low: float, high: float) -> None:
     is_allowed = (low <= array) & (array <= high)
     for k in np.flatnonzero(~is_allowed):
         raise InputError(
             f"{name}[{k}] is {array[k]:g}: it must be a positive number, from {low:g}"
             f" to {high:g}"
         )
-    return array
 
 
 def numbers(values: ArrayLike, name: str) -> Array:

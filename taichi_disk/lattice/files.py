@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.errors import InputError, printable
+from taichi_disk.errors import InputError, shown_path
 from taichi_disk.lattice.tables import read_table
 from taichi_disk.text_files import check_file, read_text
 
@@ -36,7 +36,7 @@ def reading(path: Path, key: str) -> Iterator[None]:
         yield
     except Exception as error:  # a damaged file may cause any
         what = getattr(error, "strerror", None) or str(error)
-        label = printable(str(path), width=1000)
+        label = shown_path(path)
         if not what.startswith(label):
             what = f"{label}: {what}"
         raise InputError(f"lattice.{key}: {what}") from error

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice import custom
@@ -33,9 +34,11 @@ from taichi_disk.lattice.triangles import (
     delaunay,
     distinct_sides,
     double_area,
+    norms,
     pair_keys,
     polygon_area,
     reverse_cuthill_mckee,
+    shown_point,
     triangles_of,
     why_not_one_piece,
     without_bridges,
@@ -74,6 +77,19 @@ class Lattice:
     stiffness: Array | None = None
     # what was changed when the points were read, for the user
     notes: tuple[str, ...] = ()
+
+    @cached_property
+    def ends(self) -> NDArray[np.intp]:
+        """The two ends (2, m) of the springs, in the type that NumPy indexes with."""
+        return np.ascontiguousarray(self.bonds.T, dtype=np.intp)
+
+    def spring_vectors(self, x: Array) -> Array:
+        """Return the differences (2, m) of the `x` (n, 2) of the two ends of each
+        spring."""
+        i, j = self.ends
+        # gathering columns is several times faster than gathering pairs
+        columns = np.ascontiguousarray(x.T)
+        return columns.take(i, axis=1) - columns.take(j, axis=1)
 
     @property
     def whole(self) -> bool:
@@ -144,7 +160,7 @@ class Lattice:
         origin = f"seed {seed}"
         if hole:
             # Triangles with all corners on the edge of the hole would fill it.
-            is_outside = _distance(x) > (1.0 + 1e-9) * hole
+            is_outside = norms(x.T) > (1.0 + 1e-9) * hole
             triangles = triangles[is_outside[triangles].any(axis=1)]
             origin += f", hole {hole:g} R"
         lattice, _ = tiled(x, triangles)
@@ -158,11 +174,12 @@ class Lattice:
 
     def _with_core(self, radius: float, stiffness: float, density: float) -> Lattice:
         # 1: inside the core, 0: on its edge, -1: outside
-        place = np.sign(np.round(radius - _distance(self.positions), 9))
-        masses = custom.masses_of(_mean_on_edge(place, density), len(place))
-        of_springs = np.sign(place[self.bonds].sum(axis=1))
-        factors = _mean_on_edge(of_springs, stiffness)
-        factors = custom.of_springs(factors, len(factors), "stiffness")
+        place = np.sign(np.round(radius - norms(self.positions.T), 9))
+        place_of_spring = np.sign(place[self.bonds].sum(axis=1))
+        masses = _mean_on_edge(place, density)
+        factors = _mean_on_edge(place_of_spring, stiffness)
+        custom.check_masses(masses)
+        custom.check_springs("stiffness", factors)
         return replace(
             self, masses=_scaled_masses(masses), stiffness=_stiffness_or_none(factors)
         )
@@ -220,7 +237,8 @@ class Lattice:
             bonds = custom.checked_springs(springs, len(x))
         weights: Array = np.ones(len(x))
         if masses is not None:
-            weights = custom.masses_of(masses, len(x))
+            weights = custom.column(masses, len(x), "masses")
+            custom.check_masses(weights)
         corners = None
         notes: tuple[str, ...] = ()
         if triangles is not None:
@@ -239,52 +257,56 @@ class Lattice:
 
     @classmethod
     def read(cls, path: str | Path) -> Lattice:
-        """Read the points of a disk, or a mesh, from a file, as a scene's
-        `lattice.file` does, and return their lattice, made by `from_points`.
+        """Read a lattice from a file, in the same way as a scene's `lattice.file`.
 
-        A table (.csv, .txt, .tsv) has the columns x, y [R] and optionally mass, see
-        `read_table`. An npz file has `positions` (n, 2) and optionally `bonds`,
-        `rest_lengths`, `triangles`, `stiffness` and `masses`, like lattice.npz of a
-        run. Positions beyond `disk_points`, an elastic wall, are ignored. A
-        user-supplied lattice that a run has stored (`unloaded`, see docs/output.md) is
-        restored bit for bit. Other files are meshes, see `read_mesh`. `notes` of the
-        lattice say what was scaled or left out.
+        - A table (.csv, .txt, .tsv) has the columns x, y [R] and optionally mass, see
+            `read_table`.
+        - An npz file has `positions` (n, 2) and optionally `bonds`, `rest_lengths`,
+            `triangles`, `stiffness` and `masses`, like lattice.npz of a run. Positions
+            beyond `disk_points` belong to an elastic wall and are ignored.
+        - An npz file of a run with a user-supplied lattice also has `unloaded`, see
+            docs/output.md. That lattice is restored bit for bit.
+        - Other files are meshes, see `read_mesh`.
 
-        Raises InputError with the file's name if the file cannot be read or its points
-        do not form a disk.
+        Except in the third case, `from_points` makes the lattice. Its `notes` say what
+        was scaled or left out. Raises InputError with the file's name if the file
+        cannot be read or its points do not form a disk.
         """
         path = Path(path)
         suffix = path.suffix.lower()
         with reading(path, "file"):
-            if suffix not in TABLES and suffix != ".npz":
+            if suffix not in (*TABLES, ".npz"):
                 points, triangles, notes = read_mesh(path)
                 lattice = cls.from_points(points, triangles=triangles)
                 notes += lattice.notes
                 return replace(lattice, origin=path.name, notes=notes)
-            data = read_arrays(path)
-            if "unloaded" in data:
-                x = custom.point_array(data["unloaded"])
-                stored = disk_rows(data, len(x)) | {"positions": x}
-                disk = cls(
-                    **stored,
-                    disk_points=len(x),
-                    disk_surface=_no_points(),
-                    origin=str(data["origin"]),
-                )
-                return checked_disk(disk)
-            count = len(np.atleast_1d(data["positions"]))
-            disk_points = points_of_disk(data, count)
-            if disk_points < count:
-                data |= disk_rows(data, disk_points)
-            names = ("rest_lengths", "triangles", "stiffness", "masses")
-            others = {name: data.get(name) for name in names}
-            lattice = cls.from_points(data["positions"], data.get("bonds"), **others)
-            return replace(lattice, origin=path.name)
+            arrays = read_arrays(path)
+            if "unloaded" in arrays:
+                return cls._restored(arrays)
+            return replace(cls._of_arrays(arrays), origin=path.name)
 
+    @classmethod
+    def _of_arrays(cls, arrays: dict[str, Any]) -> Lattice:
+        count = len(np.atleast_1d(arrays["positions"]))
+        disk_points = points_of_disk(arrays, count)
+        if disk_points < count:  # leave the elastic wall out
+            arrays |= disk_rows(arrays, disk_points)
+        names = ("rest_lengths", "triangles", "stiffness", "masses")
+        others = {name: arrays.get(name) for name in names}
+        return cls.from_points(arrays["positions"], arrays.get("bonds"), **others)
 
-def _distance(x: Array) -> Array:
-    # not np.hypot, whose rounding depends on the machine
-    return np.asarray(np.sqrt(x[:, 0] * x[:, 0] + x[:, 1] * x[:, 1]))
+    @classmethod
+    def _restored(cls, arrays: dict[str, Any]) -> Lattice:
+        """Return the user-supplied lattice that a run has stored."""
+        x = custom.point_array(arrays["unloaded"])
+        stored = disk_rows(arrays, len(x)) | {"positions": x}
+        disk = cls(
+            **stored,
+            disk_points=len(x),
+            disk_surface=_no_points(),
+            origin=str(arrays["origin"]),
+        )
+        return checked_disk(disk)
 
 
 def _mean_on_edge(place: Array, inside: float) -> Array:
@@ -360,14 +382,17 @@ def outline_of(points: Array, triangles: Long) -> Long:
     n = len(points)
     side, first, count = distinct_sides(triangles, n)
     area = 0.5 * float(double_area(points[triangles]).sum())
-    # Each hole has a clockwise chain.
-    rings = chains(side[first[count == 1]])
-    rings.sort(key=lambda ring: -polygon_area(points[ring]))
-    ring_areas = [polygon_area(points[ring]) for ring in rings]
-    holes = ring_areas[1:]
+
+    def ring_area(ring: Long) -> float:
+        return polygon_area(points[ring])
+
+    rings = sorted(chains(side[first[count == 1]]), key=ring_area, reverse=True)
+    ring_areas = [ring_area(ring) for ring in rings]
+    holes = ring_areas[1:]  # negative, because their chains are clockwise
     are_open = all(hole < -1e-9 * area for hole in holes)
     is_tiled = abs(area - sum(ring_areas)) <= 1e-9 * area
-    is_one_piece = n - len(first) + len(triangles) == 1 - len(holes)  # Euler's formula
+    # Euler's formula
+    is_one_piece = n - len(first) + len(triangles) == 1 - len(holes)
     has_all_points = len(np.unique(triangles)) == n
     if not (are_open and is_tiled and is_one_piece and has_all_points):
         raise SimulationError(
@@ -400,9 +425,10 @@ def _with_springs(
             raise InputError(
                 f"{name} without springs: give `springs` too, in the same order"
             )
+        array = custom.column(values, len(bonds), name)
+        custom.check_springs(name, array)
         rank = np.argsort(order)
         keys = pair_keys(rank[bonds], len(order))
-        array = custom.of_springs(values, len(bonds), name)
         arrays[name] = array[np.argsort(keys)]
     lattice = replace(lattice, **arrays)
     return replace(lattice, stiffness=_stiffness_or_none(lattice.stiffness))
@@ -430,19 +456,19 @@ def _meshed(x: Array) -> tuple[Lattice, Long]:
     neat = without_slivers(x, triangles)
     lattice, order = _first_in_one_piece(x, None, neat, triangles)
     length = lattice.rest_lengths
-    k = int(length.argmax())
     typical = float(np.median(length))
-    if length[k] <= MAX_SPRING * typical:
+    longest = int(length.argmax())
+    if length[longest] <= MAX_SPRING * typical:
         return lattice, order
     try:
         return tiled(x, without_bridges(x, neat))
     except SimulationError:
-        (x0, y0), (x1, y1) = lattice.positions[lattice.bonds[k]]
+        start, end = lattice.positions[lattice.bonds[longest]]
         raise InputError(
-            f"the spring from ({x0:.4g}, {y0:.4g}) to ({x1:.4g}, {y1:.4g}) would cross"
-            f" a gap of {length[k]:.3g} R (the median spring is {typical:.3g} R long),"
-            " but without it the body falls apart: fill the gap with points, or give"
-            " `springs` (`bonds` in an npz file) that go round it"
+            f"the spring from {shown_point(start)} to {shown_point(end)} would cross a"
+            f" gap of {length[longest]:.3g} R (the median spring is {typical:.3g} R"
+            " long), but without it the body falls apart: fill the gap with points, or"
+            " give `springs` (`bonds` in an npz file) that go round it"
         ) from None
 
 
@@ -463,8 +489,9 @@ def disk_of(lattice: Lattice) -> Lattice:
     if len(lattice.wall_surface) == 0:
         return lattice
     rows = disk_rows(vars(lattice), n)
-    none = _no_points()
-    return replace(lattice, **rows, wall_surface=none, wall_boundary=none)
+    return replace(
+        lattice, **rows, wall_surface=_no_points(), wall_boundary=_no_points()
+    )
 
 
 def checked_disk(lattice: Lattice) -> Lattice:
@@ -477,7 +504,8 @@ def checked_disk(lattice: Lattice) -> Lattice:
     disk = disk_of(lattice)
     x = custom.point_array(disk.positions)
     custom.check_body(x, max_offset=1.0)
-    masses = custom.masses_of(disk.masses, len(x))
+    masses = custom.column(disk.masses, len(x), "masses")
+    custom.check_masses(masses)
     bonds = custom.checked_springs(disk.bonds, len(x))
     corners = custom.checked_triangles(disk.triangles, x, bonds)
     same = np.arange(len(x))

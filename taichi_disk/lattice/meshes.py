@@ -28,15 +28,16 @@ def read_mesh(path: Path) -> tuple[Array, Long, tuple[str, ...]]:
     mesh = _read(path)
     triangles = _triangles_of(mesh)
     points = np.asarray(mesh.points, np.float64)
-    corners = points[np.unique(triangles)]
-    size = np.ptp(corners, axis=0)
+    used = np.unique(triangles)
+    size = np.ptp(points[used], axis=0)
     if (size[2:] > _FLATNESS * size.max()).any():
         raise InputError(
             f"the mesh is not flat: its corners extend over {size[2]:g} along z, which"
             " must be the same for all points"
         )
     x = points[:, :2]
-    radius = enclosing_radius(corners[:, :2])
+    corners = x[used]
+    radius = enclosing_radius(corners)
     if not 0.0 < radius < np.inf:
         raise InputError(f"the mesh has the radius {radius:g}")
     notes: tuple[str, ...] = ()
@@ -45,7 +46,7 @@ def read_mesh(path: Path) -> tuple[Array, Long, tuple[str, ...]]:
             f"lengths of {path.name} were multiplied by {1.0 / radius:.6g}: the"
             " smallest circle around the mesh has the radius 1 R",
         )
-    return (x - corners[:, :2].mean(axis=0)) / radius, triangles, notes
+    return (x - corners.mean(axis=0)) / radius, triangles, notes
 
 
 def _read(path: Path) -> Any:

@@ -21,7 +21,7 @@ from taichi_disk.lattice.lattice import Lattice, triangulate
 from taichi_disk.lattice.random_points import (
     least_distance,
     rectangle_points,
-    rim_points,
+    rim_spacing,
 )
 from taichi_disk.lattice.triangles import Array, Indices, bond_lengths
 
@@ -49,7 +49,8 @@ def network_stiffness(positions: Array, bonds: Indices, k: Array | float) -> Spa
     y1, ...
     """
     start, end = bonds.T
-    e = (positions[start] - positions[end]) / bond_lengths(positions, bonds)[:, None]
+    length = bond_lengths(positions, bonds)
+    e = (positions[start] - positions[end]) / length[:, None]
     products = e[:, :, None] * e[:, None, :]
     return assemble(np.reshape(k, (-1, 1, 1)) * products, bonds, len(positions))
 
@@ -73,11 +74,13 @@ def assemble(block: Array, bonds: Indices, n: int) -> Sparse:
     width = block.shape[1]
     shape = (n * width, n * width)
     points = np.arange(n + 1)
-    upper = bsr_matrix((block, end, np.searchsorted(start, points)), shape=shape)
+    row_starts = np.searchsorted(start, points)
+    upper = bsr_matrix((block, end, row_starts), shape=shape)
     # On the diagonal is the sum of the blocks of all bonds of a point.
     ones = np.tile(np.eye(width), (n, 1))
-    sums = (upper @ ones + upper.T @ ones).reshape(n, width, width)
-    diagonal = bsr_matrix((sums, points[:-1], points), shape=shape)
+    sums = upper @ ones + upper.T @ ones
+    blocks = sums.reshape(n, width, width)
+    diagonal = bsr_matrix((blocks, points[:-1], points), shape=shape)
     return (diagonal - upper - upper.T).tocsr()
 
 
@@ -148,8 +151,9 @@ def bending_compliance(stiffness: Sparse) -> float:
     # finite even if a part of the body moves freely
     least = 1e-12 * stiffness.diagonal().max()
     compliance = 1.0 / np.maximum(values[3:], least)
-    squares = modes[:, 3:] ** 2 @ (compliance - compliance[-1])
-    of_points = squares.reshape(-1, 2).sum(axis=1)
+    beyond_sixth = compliance - compliance[-1]
+    of_coordinates = modes[:, 3:] ** 2 @ beyond_sixth
+    of_points = of_coordinates.reshape(-1, 2).sum(axis=1)
     # the last digits depend on the machine's BLAS
     return float(f"{of_points.max():.6g}")
 
@@ -223,7 +227,7 @@ def rectangle(
         points=round(points * length * width / math.pi),
         low=np.zeros(2),
         high=np.array([length, width]),
-        row=2.0 * math.pi / rim_points(points),
+        row=rim_spacing(points),
         spacing=least_distance(points, min_spacing),
     )
     return triangulate(x)
@@ -243,9 +247,9 @@ def stretch(
     """
     stiffness = network_stiffness(mesh.positions, mesh.bonds, k)
     ends = left | right
-    fixed = np.stack([ends, ends & clamped], axis=1)
-    fixed[np.argmax(ends), 1] = True  # keeps the whole sample from shifting sideways
-    fixed = fixed.ravel()
+    is_fixed = np.stack([ends, ends & clamped], axis=1)  # along x and y
+    is_fixed[np.argmax(ends), 1] = True  # keeps the sample from shifting sideways
+    fixed = is_fixed.ravel()
     u = (mesh.positions * [1.0, 0.0]).ravel()
     rows = stiffness[~fixed]
     force = -(rows[:, fixed] @ u[fixed])
@@ -257,19 +261,20 @@ def inner_moduli(mesh: Lattice, k: float, u: Array) -> Moduli:
     """Return the moduli from the mean stress and strain of the triangles away from the
     edges, displaced by `u` (n, 2)."""
     margin = _EDGE_LAYER * float(mesh.rest_lengths.mean())
-    corner = mesh.positions[mesh.triangles]
-    middle = corner.mean(axis=1)
     low = mesh.positions.min(axis=0) + margin
     high = mesh.positions.max(axis=0) - margin
-    inside = ((middle > low) & (middle < high)).all(axis=1)
-    corner = corner[inside]
-    moved = u[mesh.triangles[inside]]  # displacements of the corners
-    next_moved = np.roll(moved, -1, axis=1)
+    middle = mesh.positions[mesh.triangles].mean(axis=1)
+    is_inside = ((middle > low) & (middle < high)).all(axis=1)
+    triangles = mesh.triangles[is_inside]
+    corner = mesh.positions[triangles]
+    displacement = u[triangles]
+    next_corner = np.roll(corner, -1, axis=1)
+    next_displacement = np.roll(displacement, -1, axis=1)
 
     # Each triangle carries half of a bond's force: area times stress = sum force length
     # e e^T / 2.
-    bond = np.roll(corner, -1, axis=1) - corner
-    elongation = next_moved - moved
+    bond = next_corner - corner
+    elongation = next_displacement - displacement
     bond_x = bond[:, :, 0]
     bond_y = bond[:, :, 1]
     square = np.sum(bond * bond, axis=2)
@@ -277,12 +282,12 @@ def inner_moduli(mesh: Lattice, k: float, u: Array) -> Moduli:
     stress_x = float(np.sum(tension * bond_x**2))
     stress_y = float(np.sum(tension * bond_y**2))
     # Compute area times strain from the triangles' sides by Gauss's theorem.
-    twice = moved + next_moved
+    twice = displacement + next_displacement
     strain_x = 0.5 * float(np.sum(twice[:, :, 0] * bond_y))
     strain_y = -0.5 * float(np.sum(twice[:, :, 1] * bond_x))
     # Solve strain_x = (stress_x - nu stress_y)/E, and the same with x and y exchanged.
     # The common area cancels.
     det = stress_x**2 - stress_y**2
-    compliance = (strain_x * stress_x - strain_y * stress_y) / det
-    cross = (strain_x * stress_y - strain_y * stress_x) / det
-    return Moduli(1.0 / compliance, cross / compliance)
+    one_over_E = (strain_x * stress_x - strain_y * stress_y) / det
+    nu_over_E = (strain_x * stress_y - strain_y * stress_x) / det
+    return Moduli(young=1.0 / one_over_E, poisson=nu_over_E / one_over_E)

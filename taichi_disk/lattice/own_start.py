@@ -14,6 +14,17 @@ from taichi_disk.lattice.files import points_of_disk, read_arrays, reading
 from taichi_disk.lattice.lattice import Lattice, checked_disk
 from taichi_disk.lattice.triangles import Array
 
+# arrays of a disk, in the order in which they are digested
+_ARRAYS = (
+    "positions",
+    "bonds",
+    "rest_lengths",
+    "masses",
+    "stiffness",
+    "triangles",
+    "disk_surface",
+)
+
 
 class OwnStart(NamedTuple):
     """User-supplied initial state of a run, which replaces the scene's random disk or
@@ -27,18 +38,7 @@ class OwnStart(NamedTuple):
         """SHA-256 of all arrays that a run reads; "" if there are none."""
         arrays = {}
         if self.disk is not None:
-            arrays = {
-                name: getattr(self.disk, name)
-                for name in (
-                    "positions",
-                    "bonds",
-                    "rest_lengths",
-                    "masses",
-                    "stiffness",
-                    "triangles",
-                    "disk_surface",
-                )
-            }
+            arrays = {name: getattr(self.disk, name) for name in _ARRAYS}
         arrays["velocities"] = self.velocities
         return digest_of(arrays)
 
@@ -74,11 +74,12 @@ def own_start(section: Any, lattice: Lattice | None, velocities: Any) -> OwnStar
     InputError, with the name of a file, unless they form a body.
     """
     velocities = own_velocities(section, velocities)
+    disk = None
     if lattice is not None:
-        return OwnStart(checked_disk(lattice), velocities)
-    if section.file != "none":
-        return OwnStart(Lattice.read(section.file), velocities)
-    return OwnStart(None, velocities)
+        disk = checked_disk(lattice)
+    elif section.file != "none":
+        disk = Lattice.read(section.file)
+    return OwnStart(disk, velocities)
 
 
 def own_velocities(section: Any, velocities: Any) -> Array | None:

@@ -11,9 +11,10 @@ from collections.abc import Callable
 from numbers import Integral
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from taichi_disk.errors import InputError, SimulationError
-from taichi_disk.lattice.triangles import Array
+from taichi_disk.lattice.triangles import Array, norms
 
 MIN_POINTS = 3
 MAX_POINTS = 2_000_000
@@ -43,6 +44,42 @@ def circle_points(
 ) -> Array:
     """Return the points (points, 2) [R] of `Lattice.disk`. Raises InputError or
     SimulationError as it does."""
+    _check_circle(points, seed, hole, core)
+    spacing = least_distance(points, min_spacing) * math.sqrt(1.0 - hole**2)
+    rng = np.random.default_rng(seed)
+    on_rim = rim_points(points, hole)
+    height = spacing * math.sqrt(0.75)  # of an equilateral triangle
+    circles = [np.empty((0, 2))]
+    radius = 1.0  # of the region of the inner points
+    if rim:
+        circles.append(_ring(rng, on_rim))
+        apothem = float(_unit_circle(np.array([0.5 / on_rim]))[0, 0])
+        # Triangles on a chord of the rim are at least as high as equilateral ones. The
+        # minimum is for four points.
+        radius = max(apothem - height, 0.2 * apothem)
+    for edge in (hole, core):
+        if edge:
+            circles.append(edge * _ring(rng, round(edge * on_rim)))
+    # If points were closer, some chords of the inner circles would not become springs.
+    clear = max(height, 1.1 * np.pi / on_rim)
+
+    def depth(p: Array) -> Array:
+        r = norms(p.T)
+        distance = radius - r
+        if hole:
+            distance = np.minimum(distance, r - hole - clear)
+        if core:
+            distance = np.minimum(distance, np.abs(r - core) - clear)
+        return distance
+
+    fixed = np.concatenate(circles)
+    corner = np.full(2, radius)
+    rest = points - len(fixed)
+    inside = scatter(rng, rest, -corner, corner, depth, spacing, fixed)
+    return np.concatenate([fixed, inside])
+
+
+def _check_circle(points: int, seed: int, hole: float, core: float) -> None:
     if points not in range(MIN_POINTS, MAX_POINTS + 1):
         raise InputError(
             f"lattice.points must be between {MIN_POINTS} and {MAX_POINTS}, not"
@@ -52,37 +89,6 @@ def circle_points(
         raise InputError(f"lattice.seed must be a whole number from 0 on, not {seed!r}")
     for key, fault in circle_faults(points, hole, core):
         raise InputError(f"lattice.{key}: {fault}")
-    spacing = least_distance(points, min_spacing) * math.sqrt(1.0 - hole**2)
-    rng = np.random.default_rng(seed)
-    circle: Array = np.empty((0, 2))
-    radius = 1.0
-    count = rim_points(points, hole)
-    if rim:
-        circle = _ring(rng, count)
-        apothem = float(_unit_circle(np.array([0.5 / count]))[0, 0])
-        # Triangles on a chord of the rim are at least as high as equilateral ones. The
-        # minimum is for four points.
-        radius = max(apothem - spacing * np.sqrt(0.75), 0.2 * apothem)
-    # If points were closer, some chords of the inner circles would not become springs.
-    clear = max(spacing * np.sqrt(0.75), 1.1 * np.pi / count)
-    for edge in (hole, core):
-        if edge:
-            on_edge = edge * _ring(rng, round(edge * count))
-            circle = np.concatenate([circle, on_edge])
-
-    def depth(p: Array) -> Array:
-        r = np.sqrt(p[:, 0] ** 2 + p[:, 1] ** 2)
-        distance = radius - r
-        if hole:
-            distance = np.minimum(distance, r - hole - clear)
-        if core:
-            distance = np.minimum(distance, np.abs(r - core) - clear)
-        return distance
-
-    corner = np.full(2, radius)
-    rest = points - len(circle)
-    inside = scatter(rng, rest, -corner, corner, depth, spacing, circle)
-    return np.concatenate([circle, inside])
 
 
 def rim_points(points: int, hole: float = 0.0) -> int:
@@ -96,26 +102,28 @@ def rim_points(points: int, hole: float = 0.0) -> int:
         return 3
     k = 2.0 * np.pi * np.sqrt(3.0) * (1.0 + hole) / (1.0 - hole)
     on_edges = float(np.sqrt(k * points + k * k / 16.0) - k / 4.0)
-    return min(round(on_edges / (1.0 + hole)), points - 1)
+    on_rim = round(on_edges / (1.0 + hole))
+    return min(on_rim, points - 1)
+
+
+def rim_spacing(points: int, hole: float = 0.0) -> float:
+    """Return the distance of neighbours along the rim [R]."""
+    return 2.0 * math.pi / rim_points(points, hole)
 
 
 def circle_faults(points: int, hole: float, core: float) -> list[tuple[str, str]]:
     """Return (key, message) for a hole or a core radius [R] that `points` points cannot
     resolve."""
     # 0.99 if `hole` is not a number
-    row = 2.0 * np.pi / rim_points(points, min(0.99, hole))
+    row = rim_spacing(points, min(0.99, hole))
     least = MIN_EDGE * row / (2.0 * np.pi)
     body = f"{points} points"
-    faults = []
-    fault = _radius_fault(hole, least, 1.0 - MIN_ROWS * row, body, MIN_ROWS)
-    if fault:
-        faults.append(("hole", fault))
+    of_hole = _radius_fault(hole, least, 1.0 - MIN_ROWS * row, body, MIN_ROWS)
     if hole:
         body += f" and a hole of {hole:g} R"
-    fault = _radius_fault(core, max(least, hole + row), 1.0 - row, body, 1)
-    if fault:
-        faults.append(("core_radius", fault))
-    return faults
+    of_core = _radius_fault(core, max(least, hole + row), 1.0 - row, body, 1)
+    faults = [("hole", of_hole), ("core_radius", of_core)]
+    return [(key, fault) for key, fault in faults if fault]
 
 
 def _radius_fault(radius: float, low: float, high: float, body: str, rows: int) -> str:
@@ -150,7 +158,7 @@ def _unit_circle(turns: Array) -> Array:
         cos = 1.0 - square / ((k - 1) * k) * cos
         sin_over_angle = 1.0 - square / (k * (k + 1)) * sin_over_angle
     xy = -np.stack([cos, angle * sin_over_angle], axis=1)
-    return xy / np.sqrt(xy[:, :1] ** 2 + xy[:, 1:] ** 2)
+    return xy / norms(xy.T)[:, None]
 
 
 def hexagonal_spacing(points: int) -> float:
@@ -215,8 +223,6 @@ def _adsorb(
     # Darts are thrown into square cells. As the region fills up, cells covered by one
     # point are removed and the others quartered (Ebeida et al., ACM Trans. Graph. 30,
     # 49, 2011), so darts stay uniform in the free area but rarely miss.
-    from scipy.spatial import cKDTree
-
     side = float(np.sqrt(np.prod(high - low) / (4 * count)))
     nx, ny = np.maximum(np.ceil((high - low) / side), 1).astype(int)
     cells = low + side * _grid(np.arange(nx), np.arange(ny))  # lower left corners
@@ -228,15 +234,13 @@ def _adsorb(
         corners = cells[rng.integers(len(cells), size=attempts)]
         darts = corners + side * rng.random((attempts, 2))
         darts = darts[depth(darts) >= 0.0]
-        if len(points):
-            distance, _ = cKDTree(points).query(darts, distance_upper_bound=spacing)
-            darts = darts[distance >= spacing]
+        darts = darts[_are_clear(darts, points, spacing)]
         darts = _accepted(darts, spacing)
         points = np.concatenate([points, darts[:missing]])
         if len(darts) < _MIN_HIT_RATE * attempts:
             cells = _free_cells(cells, side, points, depth, spacing)
             side /= 2
-            quarters = np.array([[0.0, 0.0], [side, 0.0], [0.0, side], [side, side]])
+            quarters = side * _grid(np.arange(2), np.arange(2))
             cells = (cells[:, None, :] + quarters).reshape(-1, 2)
     return points[len(fixed) :]
 
@@ -246,13 +250,18 @@ def _free_cells(
 ) -> Array:
     """Keep only cells that may contain a place in the region at least `spacing` from
     all points."""
-    from scipy.spatial import cKDTree
-
     half_diagonal = side * np.sqrt(0.5)
     cells = cells[depth(cells + side / 2) >= -half_diagonal]
     least = max(spacing - half_diagonal, 0.0)
-    distance, _ = cKDTree(points).query(cells + side / 2, distance_upper_bound=least)
-    return cells[distance >= least]
+    return cells[_are_clear(cells + side / 2, points, least)]
+
+
+def _are_clear(places: Array, points: Array, distance: float) -> NDArray[np.bool_]:
+    """Return whether each of the `places` (k, 2) keeps `distance` from all `points`."""
+    from scipy.spatial import cKDTree
+
+    nearest, _ = cKDTree(points).query(places, distance_upper_bound=distance)
+    return np.asarray(nearest >= distance)
 
 
 def _accepted(darts: Array, spacing: float) -> Array:
@@ -310,14 +319,16 @@ def rectangle_points(
 def _frame(low: Array, high: Array, row: float) -> Array:
     """Return points (k, 2) along the sides of a box, at distances of about `row` [R]:
     bottom, top, left, right."""
-    springs = np.maximum(np.round((high - low) / row), 1).astype(int)
-    x = np.linspace(low[0], high[0], springs[0] + 1)
-    y = np.linspace(low[1], high[1], springs[1] + 1)
-    rows = _grid(x, y[[0, -1]])
-    columns = _grid(y[1:-1], x[[0, -1]])[:, ::-1]
-    return np.concatenate([rows, columns])
+    springs_x, springs_y = np.maximum(np.round((high - low) / row), 1).astype(int)
+    left, bottom = low
+    right, top = high
+    x = np.linspace(left, right, springs_x + 1)
+    y = np.linspace(bottom, top, springs_y + 1)
+    bottom_and_top = _grid(x, [bottom, top])
+    left_and_right = _grid(y[1:-1], [left, right])[:, ::-1]  # pairs (y, x) turned round
+    return np.concatenate([bottom_and_top, left_and_right])
 
 
-def _grid(x: Array, y: Array) -> Array:
+def _grid(x: ArrayLike, y: ArrayLike) -> Array:
     """Return the points (k, 2) at all `x` and `y`, row by row."""
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)

@@ -25,7 +25,7 @@ _NAMES = {
     "mass": "mass|masses|m",
 }
 _UNIT = r"(_r|\s*[\[(/].*)?"
-_WANTED = "needs the columns x, y and optionally mass"
+_REQUIREMENT = "needs the columns x, y and optionally mass"
 
 Rows = dict[int, list[str]]  # the cells of each line, by its number from 1
 
@@ -33,17 +33,20 @@ Rows = dict[int, list[str]]  # the cells of each line, by its number from 1
 def read_table(text: str) -> tuple[Array, Array | None]:
     """Return the positions (n, 2) and masses (n,), or None, of a table.
 
-    Columns are separated by tabs, semicolons, commas or spaces. A header names the
-    columns; other columns are ignored. Without a header there are x, y and optionally
-    mass; a first column that numbers the rows and a third column of zeros are ignored.
-    Raises InputError with the line of a fault.
+    Columns are separated by tabs, semicolons, commas or spaces. If there is a header,
+    it names the columns, and columns with other names are ignored. If there is none,
+    the columns are x, y and optionally mass. A column that numbers the rows before them
+    and a z of zeros after y are then ignored. Raises InputError with the line of a
+    fault.
     """
     rows = _rows(_FORTRAN_EXPONENT.sub("e", text.translate(_PLAIN)))
     header: list[str] = []
-    if rows and not all(map(_is_number, next(iter(rows.values())))):
-        header = rows.pop(min(rows))
+    if rows:
+        first_line = min(rows)
+        if not all(_is_number(cell) for cell in rows[first_line]):
+            header = rows.pop(first_line)
     if not rows:
-        raise InputError(f"has no points; it {_WANTED}")
+        raise InputError(f"has no points; it {_REQUIREMENT}")
     if header:
         columns = _by_name(header, rows)
     else:
@@ -64,7 +67,9 @@ def _rows(text: str) -> Rows:
         content = line.lstrip(" ").rstrip(" \t,;")
         if content and not content.startswith(_COMMENTS):
             lines[number] = content
-    *_, last = ["", *lines.values()]
+    if not lines:
+        return {}
+    last = lines[max(lines)]
 
     def share_of_numbers(separator: str | None) -> float:
         cells = _cells(last, separator)
@@ -92,20 +97,21 @@ def _is_number(cell: str) -> bool:
 
 def _by_name(header: list[str], rows: Rows) -> dict[str, Array]:
     """Return the columns whose names in the header say what they are."""
-    names = [name.strip().lower() for name in header]
-    if {len(cells) for cells in rows.values()} == {len(names) + 1}:
-        names.insert(0, "")  # R's names of rows
+    titles = [name.strip().lower() for name in header]
+    if all(len(cells) == len(titles) + 1 for cells in rows.values()):
+        titles.insert(0, "")  # R's names of rows
     places: dict[str, int] = {}
     for name, spellings in _NAMES.items():
         pattern = re.compile(f"({spellings}){_UNIT}")
-        found = [k for k, one in enumerate(names) if pattern.fullmatch(one)]
-        if len(found) > 1:
-            raise InputError(f"has {len(found)} columns {name}: leave one")
-        if found:
-            places[name] = found[0]
+        matches = [k for k, title in enumerate(titles) if pattern.fullmatch(title)]
+        if len(matches) > 1:
+            raise InputError(f"has {len(matches)} columns {name}: leave one")
+        if matches:
+            places[name] = matches[0]
     if "x" not in places or "y" not in places:
-        raise InputError(f"{_WANTED}; found {printable(', '.join(header), width=100)}")
-    numbers = _numbers(rows, list(places.values()), len(names))
+        names_found = printable(", ".join(header), width=100)
+        raise InputError(f"{_REQUIREMENT}; found {names_found}")
+    numbers = _numbers(rows, list(places.values()), len(titles))
     return dict(zip(places, numbers.T, strict=True))
 
 
@@ -119,8 +125,8 @@ def _by_place(rows: Rows) -> dict[str, Array]:
         del columns[2]
     if len(columns) not in (2, 3):
         raise InputError(
-            f"{_WANTED}; found {width} columns without names: write the names into the"
-            " first line, such as x,y,mass"
+            f"{_REQUIREMENT}; found {width} columns without names: write the names into"
+            " the first line, such as x,y,mass"
         )
     return dict(zip(("x", "y", "mass"), columns, strict=False))
 

@@ -24,8 +24,15 @@ MAX_SPRING = 5.0
 
 def bond_lengths(positions: Array, bonds: NDArray[np.signedinteger]) -> Array:
     """Return the lengths (m,) [R] of `bonds` (m, 2) between `positions` (n, 2)."""
-    d = positions[bonds[:, 0]] - positions[bonds[:, 1]]
-    return np.sqrt(d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1])
+    i, j = bonds.T
+    return norms((positions[i] - positions[j]).T)
+
+
+def norms(vectors: Array) -> Array:
+    """Return the lengths (k,) of vectors (2, k)."""
+    # not np.hypot, whose rounding depends on the machine
+    x, y = vectors
+    return np.asarray(np.sqrt(x * x + y * y))
 
 
 def delaunay(points: Array) -> Long:
@@ -105,35 +112,38 @@ def without_slivers(x: Array, triangles: Long) -> Long:
     remains one closed chain."""
     n = len(x)
     side, first, _ = distinct_sides(triangles, n)
-    longest = _MAX_OUTER_SIDE * float(np.median(bond_lengths(x, side[first])))
+    max_length = _MAX_OUTER_SIDE * float(np.median(bond_lengths(x, side[first])))
     while True:
         side, first, count = distinct_sides(triangles, n)
         outer = first[count == 1]
-        end, start = side[outer].T
+        start, end = side[outer].T
         owner = outer % len(triangles)  # the triangle of each outer side
-        third = triangles[owner].sum(axis=1) - end - start
+        corners = triangles[owner]
+        third = corners.sum(axis=1) - start - end
         length = np.linalg.norm(x[start] - x[end], axis=1)
-        is_low = double_area(x[triangles[owner]]) < _SLIVER_HEIGHT * length**2
+        is_long = length > max_length
+        is_low = double_area(x[corners]) < _SLIVER_HEIGHT * length**2
         # If the third point is already on the outline, two parts of the body would
         # share only that point.
         is_inner = ~np.isin(third, start)
-        slivers = np.flatnonzero(((length > longest) | is_low) & is_inner)
+        slivers = np.flatnonzero((is_long | is_low) & is_inner)
         if len(slivers) == 0:
             return triangles
-        slivers = slivers[np.argsort(-length[slivers], kind="stable")]
+        longest_first = slivers[np.argsort(-length[slivers], kind="stable")]
         # one sliver for each third point
-        _, chosen = np.unique(third[slivers], return_index=True)
-        triangles = np.delete(triangles, owner[slivers[chosen]], axis=0)
+        _, chosen = np.unique(third[longest_first], return_index=True)
+        triangles = np.delete(triangles, owner[longest_first[chosen]], axis=0)
 
 
 def without_bridges(x: Array, triangles: Long) -> Long:
     """Remove triangles that bridge a hole: those with circumcircles wider than
     MAX_SPRING median springs."""
     side, first, _ = distinct_sides(triangles, len(x))
-    length = bond_lengths(x, side).reshape(3, -1)
-    widest = MAX_SPRING * float(np.median(length.ravel()[first]))
+    length = bond_lengths(x, side)
+    widest = MAX_SPRING * float(np.median(length[first]))
     # The diameter of the circumcircle is the product of the sides over twice the area.
-    return triangles[length.prod(axis=0) <= widest * double_area(x[triangles])]
+    product = length.reshape(3, -1).prod(axis=0)
+    return triangles[product <= widest * double_area(x[triangles])]
 
 
 def distinct_sides(triangles: Long, n: int) -> tuple[Long, Long, Long]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from taichi_disk.lattice.random_points import (
     MIN_ROWS,
     least_distance,
     rectangle_points,
-    rim_points,
+    rim_spacing,
 )
 from taichi_disk.lattice.triangles import Indices
 
@@ -41,37 +40,34 @@ def with_wall(
     placed or meshed.
     """
     n = disk.disk_points
-    spacing = least_distance(n, min_spacing)
     check_thickness(n, points, width)
-    # The disk uses the random numbers of `seed` alone.
-    rng = np.random.default_rng([seed, 1])
     row = math.inf
     if rim:
-        row = 2.0 * math.pi / rim_points(n)
-    low = np.array([-width / 2, -wall_height(n, points, width)])
-    high = np.array([width / 2, 0.0])
-    mesh = triangulate(rectangle_points(rng, points, low, high, row, spacing))
-    top, other_sides = _top_and_rest(mesh)
-    shift = np.int32(n)  # the wall's points follow those of the disk
-    wall = replace(
-        mesh,
-        bonds=mesh.bonds + shift,
-        triangles=mesh.triangles + shift,
-        masses=np.full(points, 1.0 / n),
+        row = rim_spacing(n)
+    x = rectangle_points(
+        np.random.default_rng([seed, 1]),  # the disk uses `seed` alone
+        points=points,
+        low=np.array([-width / 2, -wall_height(n, points, width)]),
+        high=np.array([width / 2, 0.0]),
+        row=row,
+        spacing=least_distance(n, min_spacing),
     )
+    wall = triangulate(x)
+    top, other_sides = _top_and_rest(wall)
+    shift = np.int32(n)  # the wall's points follow those of the disk
     lowest = disk.positions[:, 1].min()
     above = disk.positions - np.array([0.0, lowest])
     factors = None
     if disk.stiffness is not None or stiffness != 1.0:
         of_disk = disk.stiffened(np.ones(len(disk.bonds)))
         factors = np.append(of_disk, np.full(len(wall.bonds), stiffness))
-    both: dict[str, Any] = {}
-    for name in ("bonds", "rest_lengths", "masses", "triangles"):
-        both[name] = np.concatenate([getattr(disk, name), getattr(wall, name)])
     return replace(
         disk,
-        **both,
         positions=np.concatenate([above, wall.positions]),
+        bonds=np.concatenate([disk.bonds, wall.bonds + shift]),
+        rest_lengths=np.concatenate([disk.rest_lengths, wall.rest_lengths]),
+        masses=np.append(disk.masses, np.full(points, 1.0 / n)),
+        triangles=np.concatenate([disk.triangles, wall.triangles + shift]),
         wall_surface=top + shift,
         wall_boundary=other_sides + shift,
         stiffness=factors,
@@ -80,15 +76,15 @@ def with_wall(
 
 def _top_and_rest(mesh: Lattice) -> tuple[Indices, Indices]:
     """Return the top side of a rectangle, from left to right, and the other sides, from
-    the left top corner to the right one."""
-    outline = mesh.disk_surface
+    the left top corner to the right one. Both contain the two corners."""
+    outline = mesh.disk_surface  # counter-clockwise
     x, y = mesh.positions[outline].T
-    outline = np.roll(outline, -int(np.argmax(y - x)))
-    x, y = mesh.positions[outline].T
-    right = int(np.argmax(y + x))
-    # The corners belong to both.
-    top = np.append(outline[right:], outline[0])[::-1]
-    return top, outline[: right + 1]
+    left_corner = int(np.argmax(y - x))
+    right_corner = int(np.argmax(y + x))
+    from_left = np.roll(outline, -left_corner)
+    others = (right_corner - left_corner) % len(outline)
+    top = np.append(from_left[others:], from_left[0])[::-1]
+    return top, from_left[: others + 1]
 
 
 def wall_height(disk_points: int, points: int, width: float) -> float:
@@ -98,7 +94,8 @@ def wall_height(disk_points: int, points: int, width: float) -> float:
 
 
 def check_thickness(disk_points: int, points: int, width: float) -> None:
-    row = 2.0 * math.pi / rim_points(disk_points)
+    """Raise InputError if a wall of this width is too thin, or has too few points."""
+    row = rim_spacing(disk_points)
     # With fewer points, the rows along the sides of the widest or narrowest wall would
     # need all of them.
     fewest = math.ceil(20.0 * row**2 * disk_points / math.pi)

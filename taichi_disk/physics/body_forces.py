@@ -98,6 +98,12 @@ class ExponentialWall(Wall, BodyForce):
     # ---- in NumPy
 
     def friction_on(self, lattice: Lattice, x: Array, v: Array, others: Array) -> Array:
+        """Return the friction (n,) along the wall [M c^2/R] on points at `x` with
+        velocities `v`, both (n, 2).
+
+        `others` (n, 2) are the other forces on the points. Friction balances them if a
+        point sticks.
+        """
         most = self.friction * self.forces(lattice, x)[:, 1]
         stopping = -(v[:, 0] * lattice.masses / STOPPING_TIME + others[:, 0])
         return np.clip(stopping, -most, most)
@@ -120,12 +126,13 @@ class ExponentialWall(Wall, BodyForce):
         self, lattice: Lattice, x: Array, *moving: Any
     ) -> tuple[NDArray[np.intp], Array]:
         points = np.flatnonzero(x[: lattice.disk_points, 1] < self.reach)
-        force = self.forces(lattice, x)
+        force = np.zeros((len(points), 2))
+        force[:, 1] = self.force_at(x[points, 1])
         if moving and self.has_friction:
             v, springs = moving
             others = springs.forces(lattice, x) + springs.damping_forces(lattice, x, v)
-            force[:, 0] = self.friction_on(lattice, x, v, others)
-        return points, force[points]
+            force[:, 0] = self.friction_on(lattice, x, v, others)[points]
+        return points, force
 
 
 @ti.data_oriented
@@ -196,6 +203,7 @@ class MouseSpring(BodyForce):
 
     @ti.func
     def potential_at(self, state: ti.template(), i):
+        # a linear spring up to the largest pull, and a constant force beyond
         energy = 0.0
         if i == self.point[0]:
             k = self.k_now[None]
@@ -218,16 +226,16 @@ class MouseSpring(BodyForce):
 
     @ti.func
     def add_from_now_on(self, state: ti.template(), factor):
-        """Add `factor` times the pull to the forces at this step, and return that part
-        of the potential."""
+        """Add `factor` times the pull to the forces, from this step on, and return
+        `factor` times its potential energy [M c^2]."""
         i = self.point[0]
         energy = 0.0
         if i >= 0:
             force = factor * self.at(state, i)
             energy = factor * self.potential_at(state, i)
             put(state.f, i, get(state.f, i) + force)
-            # Only the second half of this step's kick lies after this moment, so only
-            # that half changes.
+            # The whole kick of this step will apply the new force, but its first half
+            # lies before this moment. Subtract that half from the velocity in advance.
             kick = state.closing[None] * state.inverse_mass[i] * force
             put(state.v, i, get(state.v, i) - kick)
             if ti.static(state.corrected):

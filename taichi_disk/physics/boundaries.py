@@ -131,7 +131,6 @@ class ResetBoundary(Boundary):
         `implicit`: whether `solver` (see `trapezoidal`) has solved for the velocities
             in `state.u`.
         """
-        half = state.closing[None]
         energy = 0.0
         if ti.static(springs.damped):
             energy = -self.half_kick_energy(state, implicit)
@@ -140,14 +139,15 @@ class ResetBoundary(Boundary):
                 put(state.u, i, ti.Vector([0.0, 0.0]))
         for k in range(self.count[0]):
             i = self.point[k]
-            v = get(state.v, i) + half * state.inverse_mass[i] * get(state.f, i)
+            kick = self.closing_kick(state, i)
+            v = get(state.v, i) + kick
             if ti.static(implicit):
                 v = get(state.u, i)
                 put(state.u, i, ti.Vector([0.0, 0.0]))
             elif ti.static(springs.damped):
                 put(state.u, i, v)
             else:
-                put(state.v, i, -half * state.inverse_mass[i] * get(state.f, i))
+                put(state.v, i, -1.0 * kick)
             energy += 0.5 * state.mass[i] * (v[0] * v[0] + v[1] * v[1])
         if ti.static(implicit):
             solver.restart(state)
@@ -161,26 +161,26 @@ class ResetBoundary(Boundary):
     def restart_explicit(self, state: ti.template(), springs: ti.template()):
         """Update `f` and `u` after a reset. Before, `u` holds the velocity that each
         point has lost."""
-        half = state.closing[None]
         eta = springs.eta_now[None]
         for i in range(state.n[None]):
-            kick = half * state.inverse_mass[i] * get(state.f, i)
-            put(state.v, i, get(state.v, i) + (kick - get(state.u, i)))
+            change = self.closing_kick(state, i) - get(state.u, i)
+            put(state.v, i, get(state.v, i) + change)
         for b in range(state.blocks[None]):
             for k in ti.static(range(len(springs.first))):
                 i = springs.first[k][b]
                 j = springs.second[k][b]
-                lost = springs.damped_part(
-                    state, k, b, get(state.u, j) - get(state.u, i)
-                )
-                springs.pull_together(state.f, k, b, eta * lost)
+                lost = get(state.u, j) - get(state.u, i)
+                damped = springs.damped_part(state, k, b, lost)
+                springs.pull_together(state.f, k, b, eta * damped)
         for i in range(state.n[None]):
-            put(state.u, i, get(state.v, i))
-            put(
-                state.v,
-                i,
-                get(state.v, i) - half * state.inverse_mass[i] * get(state.f, i),
-            )
+            v = get(state.v, i)
+            put(state.u, i, v)
+            put(state.v, i, v - self.closing_kick(state, i))
+
+    @ti.func
+    def closing_kick(self, state: ti.template(), i):
+        """Return the change of a point's velocity by the half kick that ends a step."""
+        return state.closing[None] * state.inverse_mass[i] * get(state.f, i)
 
     @ti.func
     def half_kick_energy(self, state: ti.template(), solved: ti.template()):
@@ -203,7 +203,8 @@ class ResetBoundary(Boundary):
             for k in ti.static(range(len(springs.first))):
                 i = springs.first[k][b]
                 j = springs.second[k][b]
-                u = springs.damped_part(state, k, b, get(state.u, i) - get(state.u, j))
+                between = get(state.u, i) - get(state.u, j)
+                u = springs.damped_part(state, k, b, between)
                 a_i = state.inverse_mass[i] * get(state.f, i)
                 a_j = state.inverse_mass[j] * get(state.f, j)
                 w = get(state.v, i) - get(state.v, j) + h * (a_i - a_j)
@@ -220,10 +221,11 @@ def matched_impedance(lattice: Lattice, normal: float, tangential: float) -> Arr
     """
     chain = lattice.positions[lattice.wall_boundary]
     segment = np.diff(chain, axis=0)
-    length = np.hypot(segment[:, 0], segment[:, 1])
-    direction = (segment / length[:, None]) ** 2
-    z = 0.5 * length[:, None] * (normal * direction[:, ::-1] + tangential * direction)
+    length = np.hypot(segment[:, 0], segment[:, 1])[:, None]
+    along = (segment / length) ** 2  # squared direction cosines of the segments
+    across = along[:, ::-1]  # and of their normals
+    of_half = 0.5 * length * (normal * across + tangential * along)
     impedance = np.zeros_like(chain)
-    impedance[:-1] += z
-    impedance[1:] += z
+    impedance[:-1] += of_half
+    impedance[1:] += of_half
     return impedance

@@ -142,33 +142,34 @@ class ElasticWall(Wall):
 
     @ti.func
     def sliding_loss(self, state: ti.template(), i, k, move):
-        """Return the energy that point i lost if it passed from another wall spring to
-        spring k in the last move."""
+        """Return the energy that point i lost in the last move. It lost some if another
+        wall spring than k was below it before."""
         # On a bent surface the distance l, and with it the potential, jumps when a
         # point passes from one spring to the next. By the trapezoidal rule, half of the
         # jump at each end of the move counts.
-        before = self.spring_below(state, i, k, move)
+        previous = self.spring_below(state, i, k, move)
         lost = 0.0
-        if before != k:
-            # a loop, because four inlined calls take long to compile
-            for case in range(4):
+        if previous != k:
+            # loops, because four inlined calls take long to compile
+            spring = previous
+            weight = 0.5
+            for _ in range(2):
+                for end in range(2):
+                    distance, _lever, _normal = self.position_above(
+                        state, i, spring, end * move
+                    )
+                    if distance < self.threshold_now[None]:
+                        energy = self.V0_now[None] * ti.exp(
+                            -self.a_now[None] * distance
+                        )
+                        lost += weight * (energy - self.shift_now[None])
                 spring = k
-                half = -0.5
-                if case < 2:
-                    spring = before
-                    half = 0.5
-                distance, _lever, _normal = self.position_above(
-                    state, i, spring, (case % 2) * move
-                )
-                if distance < self.threshold_now[None]:
-                    energy = self.V0_now[None] * ti.exp(-self.a_now[None] * distance)
-                    lost += half * (energy - self.shift_now[None])
+                weight = -0.5
         return lost
 
     @ti.func
     def spring_below(self, state: ti.template(), i, guess, move):
-        """Return the wall spring below or nearest to point i, at its position before
-        `move` times the velocity."""
+        """Return the wall spring below or nearest to point i, `move` [R/c] ago."""
         k = guess
         x = self.position_before(state, i, move)[0]
         while k > 0 and x < self.position_before(state, self.wall_surface[k], move)[0]:
@@ -182,8 +183,8 @@ class ElasticWall(Wall):
 
     @ti.func
     def position_above(self, state: ti.template(), i, k, move):
-        """Return distance, lever and normal of point i above wall spring k, at the
-        position before `move` times v."""
+        """Return distance [R], lever and normal of point i above wall spring k, `move`
+        [R/c] ago."""
         start = self.position_before(state, self.wall_surface[k], move)
         along = self.position_before(state, self.wall_surface[k + 1], move) - start
         away = self.position_before(state, i, move) - start
@@ -193,18 +194,22 @@ class ElasticWall(Wall):
 
     @ti.func
     def position_before(self, state: ti.template(), i, move):
+        """Return the position of point i if it has moved for the time `move` [R/c] at
+        its present velocity."""
         return get(state.x, i) - move * get(state.v, i)
 
     # ---- in NumPy
 
     def contacts(self, lattice: Lattice, x: Array) -> Contacts:
-        px = x[lattice.disk_surface, 0][:, None]
         chain = x[lattice.wall_surface]
         start, end = self.pieces(chain)
-        over = (start[:, 0] <= px) & (px < end[:, 0])
-        rows = np.flatnonzero(over.any(axis=1))
+        rim_x = x[lattice.disk_surface, 0][:, None]
+        # (points of the disk's surface, pieces of the wall's)
+        is_above = (start[:, 0] <= rim_x) & (rim_x < end[:, 0])
+        rows = np.flatnonzero(is_above.any(axis=1))
         points = lattice.disk_surface[rows].astype(np.intp)
-        carriers = over[rows].argmax(axis=1)[:, None] + np.arange(self.carriers)
+        first_carrier = is_above[rows].argmax(axis=1)
+        carriers = first_carrier[:, None] + np.arange(self.carriers)
         distance, direction, shares = self.geometry(x[points], chain[carriers])
         is_near = distance < self.threshold
         distance = distance[is_near]
@@ -243,16 +248,16 @@ class ElasticWall(Wall):
         return float((self.contacts(lattice, x).energy - self.shift).sum())
 
     def forces(self, lattice: Lattice, x: Array) -> Array:
-        found = self.contacts(lattice, x)
+        contacts = self.contacts(lattice, x)
         force = np.zeros_like(x)
-        np.add.at(force, found.points, found.force)
-        for carrier, share in zip(found.carriers.T, found.shares.T, strict=True):
-            reaction = -share[:, None] * found.force
+        np.add.at(force, contacts.points, contacts.force)
+        for carrier, share in zip(contacts.carriers.T, contacts.shares.T, strict=True):
+            reaction = -share[:, None] * contacts.force
             np.add.at(force, lattice.wall_surface[carrier], reaction)
         return force
 
     def contact_forces(
         self, lattice: Lattice, x: Array, *moving: Any
     ) -> tuple[NDArray[np.intp], Array]:
-        found = self.contacts(lattice, x)
-        return found.points, found.force
+        contacts = self.contacts(lattice, x)
+        return contacts.points, contacts.force

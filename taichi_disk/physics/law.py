@@ -5,7 +5,7 @@ find vectors again, which finds at best pairs on processors that it does not kno
 4, Zen 5, ...). `runtime.start` keeps vectors whole, in registers as wide as the
 processor has. Taichi then fails in two cases. It cannot address an element of a vector
 field, so fields of vectors are pairs of scalar fields, adjacent in memory. And LLVM
-aborts at `a -= b` of whole local vectors, so write a = a - b.
+aborts at `a -= b` and `-a` of whole local vectors, so write a = a - b and -1.0 * a.
 """
 
 from collections.abc import Callable, Sequence
@@ -174,14 +174,8 @@ class Wall(ExponentialPotential, Law):
         """
         raise NotImplementedError
 
-    def friction_on(self, lattice: Lattice, x: Array, v: Array, others: Array) -> Array:
-        """Return the friction (n,) along the wall [M c^2/R] on points at `x` with
-        velocities `v`, both (n, 2).
-
-        `others` (n, 2) are the other forces on the points. Friction balances them if a
-        point sticks.
-        """
-        return np.zeros(len(x))
+    # (lattice, x, v, others) -> friction along the wall, of a wall that has friction
+    friction_on: Callable[..., Array]
 
 
 class BodyForce(Law):

@@ -76,8 +76,8 @@ class Model:
 
     @property
     def impedance(self) -> Array | None:
-        """Dashpot constants (k, 2) of the points of a matched boundary [M c/R], or
-        None."""
+        """Dashpot constants (k, 2) of the points of a matched boundary [M c/R]; None if
+        there is no such boundary."""
         if self.boundary is None:
             return None
         return self.boundary.impedance
@@ -98,9 +98,8 @@ class Model:
     def forces_moving(self, lattice: Lattice, x: Array, v: Array) -> Array:
         """Return the force (n, 2) on each point at the velocities `v` (n, 2) [c]; 0 for
         pinned points."""
-        force = self.forces(lattice, x) + sum(
-            law.damping_forces(lattice, x, v) for law in self.laws
-        )
+        damping = sum(law.damping_forces(lattice, x, v) for law in self.laws)
+        force = self.forces(lattice, x) + damping
         if self.wall and self.wall.has_friction:
             force[:, 0] += self.wall.friction_on(lattice, x, v, force)
         if self.is_pinned:

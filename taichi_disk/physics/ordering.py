@@ -59,18 +59,19 @@ def arrange(bonds: NDArray[np.int32], points: int) -> Arrangement:
     size = -(-points // count)
     count = -(-points // size)
     order = interleave_springs(bonds, points)
-    first, last = bonds[order].T // size
-    within = [(first == c) & (last == c) for c in range(count)]
+    first, second = bonds[order].T // size  # subdomains of the two ends
+    groups = [order[(first == c) & (second == c)] for c in range(count)]
+    groups.append(order[first != second])  # the springs across the seams
     sources = []
     ends = []
-    # the springs across the seams come last
-    for c, chosen in enumerate([*within, first != last]):
-        source = order[chosen]
-        source = np.append(source, np.full(-len(source) % BLOCK, -1))
-        filling = points + 2 * min(c, count - 1) + np.arange(2)
+    for c, group in enumerate(groups):
+        fillers = np.full(-len(group) % BLOCK, -1)
+        source = np.append(group, fillers)
         is_filler = source[:, None] < 0
+        extra_points = points + 2 * min(c, count - 1) + np.arange(2)
+        pairs = np.where(is_filler, extra_points, bonds[source])
         sources.append(source)
-        ends.append(np.where(is_filler, filling, bonds[source]).astype(np.int32))
+        ends.append(pairs.astype(np.int32))
     blocks = [len(source) // BLOCK for source in sources[:-1]]
     return Arrangement(
         ends=np.concatenate(ends),

@@ -160,9 +160,9 @@ def _moved(x: Array, move: Array) -> Array:
     would stretch the disk."""
     angle = _rotation(x, move)
     drift = move.mean(axis=0)
-    arm = x - x.mean(axis=0)
-    across = np.stack([-arm[:, 1], arm[:, 0]], axis=1)
-    strain = move - drift - angle * across
+    arm_x, arm_y = (x - x.mean(axis=0)).T
+    linear_rotation = angle * np.stack([-arm_y, arm_x], axis=1)
+    strain = move - drift - linear_rotation
     return turned(x + strain, angle) + drift
 
 
@@ -171,7 +171,9 @@ def roll_angle(unloaded: Array, positions: Array) -> float:
     by least squares."""
     before = unloaded - unloaded.mean(axis=0)
     after = positions - positions.mean(axis=0)
-    return math.atan2(np.sum(cross(before, after)), np.sum(before * after))
+    sine = np.sum(cross(before, after))
+    cosine = np.sum(before * after)
+    return math.atan2(sine, cosine)
 
 
 def depth(lattice: Lattice, positions: Array) -> float:
@@ -219,8 +221,8 @@ def resting_angle(disk: Lattice, modulus: float, a: float, pressure: float) -> f
     count = max(360, 4 * len(x))
     angles, step = np.linspace(-np.pi, np.pi, count, endpoint=False, retstep=True)
     best = float(min(angles, key=height))
-    bounds = (best - step, best + step)
-    return float(minimize_scalar(height, bounds=bounds, method="bounded").x)
+    around_best = (best - step, best + step)
+    return float(minimize_scalar(height, bounds=around_best, method="bounded").x)
 
 
 def place_on_wall(

@@ -58,26 +58,16 @@ def modes(
     masses = disk.masses
     stiffness = springs.stiffness(disk, disk.positions)
     frequencies, shapes = _vibrations(stiffness, masses, count)
-
-    # Vectors are complex numbers: conj(a) b is the dot product of a and b plus i times
-    # their cross product.
     at_rest = _complex(disk, disk.positions)
     x = _complex(disk, positions)
     v = _complex(disk, velocities)
-    inertia = (masses * at_rest.conj() * at_rest).sum().real
-    angular_momentum = (masses * x.conj() * v).sum().imag
-    kinetic = masses @ np.abs(v) ** 2 - angular_momentum**2 / inertia
-    energy = 0.5 * float(kinetic)
-    energy += springs.energy(disk, positions) - springs.energy(disk, disk.positions)
-
-    overlap = (masses * at_rest.conj() * x).sum()
-    rotation = abs(overlap) / overlap
-    spin = (masses * at_rest.conj() * v * rotation).sum().imag / abs(overlap)
-    displacement = _vectors(x * rotation - at_rest)
-    velocity = _vectors((v - 1j * spin * x) * rotation)
+    strained = springs.energy(disk, positions) - springs.energy(disk, disk.positions)
+    energy = _inner_kinetic(masses, at_rest, x, v) + strained
+    displacement, velocity = _in_eckart_frame(masses, at_rest, x, v)
     u = displacement.ravel()
     twice_kinetic = (masses[:, None] * velocity * velocity).sum()
-    harmonic = 0.5 * float(twice_kinetic + u @ (stiffness @ u))
+    twice_elastic = u @ (stiffness @ u)
+    harmonic = 0.5 * float(twice_kinetic + twice_elastic)
     q = np.einsum("kij,i,ij->k", shapes, masses, displacement)
     p = np.einsum("kij,i,ij->k", shapes, masses, velocity)
     energies = 0.5 * (p * p + (frequencies * q) ** 2)
@@ -90,13 +80,39 @@ def modes(
     )
 
 
-def _complex(disk: Lattice, values: Array) -> NDArray[np.complex128]:
+# Vectors are complex numbers in the next two functions: conj(a) b is the dot product of
+# a and b plus i times their cross product.
+Vectors = NDArray[np.complex128]
+
+
+def _inner_kinetic(masses: Array, at_rest: Vectors, x: Vectors, v: Vectors) -> float:
+    """Return the kinetic energy without translation and rotation [M c^2]."""
+    inertia = (masses * at_rest.conj() * at_rest).sum().real
+    angular_momentum = (masses * x.conj() * v).sum().imag
+    kinetic = masses @ np.abs(v) ** 2 - angular_momentum**2 / inertia
+    return 0.5 * float(kinetic)
+
+
+def _in_eckart_frame(
+    masses: Array, at_rest: Vectors, x: Vectors, v: Vectors
+) -> tuple[Array, Array]:
+    """Return displacements and velocities (n, 2) of a state in the frame of Eckart."""
+    overlap = (masses * at_rest.conj() * x).sum()
+    rotation = abs(overlap) / overlap
+    turning = (masses * at_rest.conj() * v * rotation).sum().imag
+    spin = turning / abs(overlap)
+    displacement = x * rotation - at_rest
+    velocity = (v - 1j * spin * x) * rotation
+    return _vectors(displacement), _vectors(velocity)
+
+
+def _complex(disk: Lattice, values: Array) -> Vectors:
     """Return vectors (n, 2), relative to their mean over the disk, as complex numbers
     (n,)."""
     return np.asarray((values - disk.mean(values)) @ [1.0, 1.0j])
 
 
-def _vectors(values: NDArray[np.complex128]) -> Array:
+def _vectors(values: Vectors) -> Array:
     return np.stack([values.real, values.imag], axis=1)
 
 

@@ -4,10 +4,11 @@
 from __future__ import annotations
 
 import pickle
+import re
 from collections.abc import Generator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import suppress
-from itertools import groupby
+from itertools import groupby, islice
 from queue import Empty, SimpleQueue
 
 from taichi_disk import runtime
@@ -36,25 +37,25 @@ LARGE_LATTICE = 2000  # a scene with more points is a task by itself
 def ordered(scenes: Scenes) -> Scenes:
     """Sort scenes by lattice, then by key. Keys are hashes, so every section of the
     order is a random sample."""
-    rank: dict[object, int] = {}  # of lattices, by their first scenes
-    for scene in scenes.values():
-        rank.setdefault(lattice_key(scene), len(rank))
-    keys = sorted(scenes, key=lambda key: (rank[lattice_key(scenes[key])], key))
+    lattices = {key: lattice_key(scene) for key, scene in scenes.items()}
+    rank = {lattice: k for k, lattice in enumerate(dict.fromkeys(lattices.values()))}
+    keys = sorted(scenes, key=lambda key: (rank[lattices[key]], key))
     return {key: scenes[key] for key in keys}
 
 
 def part_of(part: str, scenes: Scenes) -> Scenes:
     """Return part K of N, written "K/N", of `ordered` scenes; consecutive scenes share
     lattices."""
-    number, _, count = part.partition("/")
-    is_part = number.isdecimal() and count.isdecimal()
-    if not (is_part and 1 <= int(number) <= int(count)):
+    number = count = 0
+    if re.fullmatch("[0-9]+/[0-9]+", part):
+        number, count = map(int, part.split("/"))
+    if not 1 <= number <= count:
         raise InputError(
             f"part: must be K/N with 1 <= K <= N, for example 3/16, not {part}"
         )
-    first = len(scenes) * (int(number) - 1) // int(count)
-    last = len(scenes) * int(number) // int(count)
-    return dict(list(scenes.items())[first:last])
+    first = len(scenes) * (number - 1) // count
+    end = len(scenes) * number // count
+    return dict(islice(scenes.items(), first, end))
 
 
 def tasks_of(scenes: Scenes) -> list[list[str]]:
@@ -115,13 +116,14 @@ def _carried_out(
     executor: Executor, tasks: list[list[str]], scenes: Scenes, estimate: bool
 ) -> Results:
     """Yield (key, result) of the scenes of all tasks."""
+    versions = relevant_versions()
     finished = SimpleQueue[Finished]()
     futures: dict[Finished, list[str]] = {}
     try:
         for keys in tasks:
             packed = pickle.dumps([scenes[key] for key in keys])
-            task = pickle.dumps(Task(relevant_versions(), packed, estimate))
-            future = executor.submit(pickle.loads, task)
+            task = Task(versions=versions, scenes=packed, estimate=estimate)
+            future = executor.submit(pickle.loads, pickle.dumps(task))
             futures[future] = keys
             future.add_done_callback(finished.put)
         import taichi_disk.figures.curves  # noqa: F401 (while workers compute)

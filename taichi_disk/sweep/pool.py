@@ -84,7 +84,7 @@ def _start() -> subprocess.Popen[bytes]:
         [sys.executable, str(WORKER)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        # one thread for each process: they compute at the same time
+        # one thread for each process, so that processes do not compete for the cores
         env={"OPENBLAS_NUM_THREADS": "1", **os.environ},
     )
     with suppress(OSError):  # the process has died, and its first call will fail

@@ -198,16 +198,15 @@ def run_sweep(
         raise InputError(f"jobs: must be a whole number from 1 on, not {jobs!r}")
     keys = [point_key(scene) for scene in sweep.scenes]
     scenes = executors.ordered(dict(zip(keys, sweep.scenes, strict=True)))
+    counted = f"{len(scenes)} scenes"
     if part is not None:
         scenes = executors.part_of(part, scenes)
+        counted = f"{len(scenes)} scenes (part {part} of {len(keys)})"
     _check_folder(out)
     results = _stored(out, scenes, estimate)
     missing = {key: scenes[key] for key in scenes if key not in results}
     stored = len(results)
-    of_all = ""
-    if part is not None:
-        of_all = f" (part {part} of {len(keys)})"
-    say(f"{len(scenes)} scenes{of_all}, {stored} of them computed before")
+    say(f"{counted}, {stored} of them computed before")
     _say_note(scenes, say)
     with ExitStack() as stack:
         if missing and scheduler is not None:
@@ -296,10 +295,11 @@ def _rows(
 
 
 def _summary(sweep: Sweep, rows: list[Row], computed_now: int) -> dict[str, Any]:
+    reported = (*sweep.axes, "reason")
     failed = []
     for row in rows:
         if row["status"] != "done":
-            failed.append({name: row[name] for name in (*sweep.axes, "reason")})
+            failed.append({name: row[name] for name in reported})
     return {
         "scene": sweep.scenes[0].scene,
         "axes": sweep.axes,
@@ -328,11 +328,10 @@ def _write_table(
 
 def _as_yaml(row: Row) -> Row:
     """Return the row with true and false as YAML writes them."""
-    yaml = {True: "true", False: "false"}
     written = dict(row)
     for name, value in row.items():
         if isinstance(value, bool):
-            written[name] = yaml[value]
+            written[name] = str(value).lower()
     return written
 
 
@@ -381,16 +380,17 @@ def print_sweep(result: SweepResult) -> None:
     if warned:
         print(f"{len(warned)} points with warnings, see points.csv")
     counted = f"{_counted(result)}; {summary['wall_clock']:.1f} s"
+    files = f"files in {result.out}"
     if part is None:
         print(counted)
-    else:
-        print(f"part {part}: {counted}")
-    print(f"files in {result.out}")
-    if part is not None:
-        print(
-            "when all parts are finished, repeat the command without --part to write"
-            " table, fits and figure"
-        )
+        print(files)
+        return
+    print(f"part {part}: {counted}")
+    print(files)
+    print(
+        "when all parts are finished, repeat the command without --part to write table,"
+        " fits and figure"
+    )
 
 
 def _print_failures(result: SweepResult) -> None:

@@ -38,6 +38,7 @@ class PointResult:
     versions: dict[str, str] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
 class Task:
     """Scenes that one worker computes. Unpickling a task computes it, and returns the
     results of its scenes, in order."""
@@ -45,12 +46,12 @@ class Task:
     # A worker without this package then fails in the task, and its error comes back. A
     # Dask worker that cannot unpickle a function closes itself without a word.
 
-    def __init__(self, *arguments: Any) -> None:
-        """Take the arguments of `compute_task`."""
-        self._arguments = arguments
+    versions: dict[str, str]  # where the sweep was started
+    scenes: bytes  # pickled, because a worker of other versions could not unpickle them
+    estimate: bool
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return compute_task, self._arguments
+        return compute_task, (self.versions, self.scenes, self.estimate)
 
 
 def relevant_versions() -> dict[str, str]:
@@ -60,9 +61,8 @@ def relevant_versions() -> dict[str, str]:
 def compute_task(
     expected: dict[str, str], scenes: bytes, estimate: bool
 ) -> list[PointResult]:
-    """Compute `scenes`, which are pickled, because a worker of other versions could not
-    unpickle them. Raises InputError unless the versions here are the `expected` ones,
-    where the sweep was started."""
+    """Return the results of a task's pickled `scenes`. Raises InputError unless the
+    versions here are the `expected` ones."""
     _check_versions(expected)
     if threading.current_thread() is threading.main_thread():
         return _compute(scenes, estimate)
@@ -75,8 +75,9 @@ def _check_versions(expected: dict[str, str]) -> None:
     installed = relevant_versions()
     mismatches = []
     for name, version in expected.items():
-        if installed.get(name) != version:
-            mismatches.append(f"{name} {installed.get(name)} instead of {version}")
+        version_here = installed.get(name)
+        if version_here != version:
+            mismatches.append(f"{name} {version_here} instead of {version}")
     if mismatches:
         raise InputError(
             f"a worker on {socket.gethostname()} has {', '.join(mismatches)}: install"

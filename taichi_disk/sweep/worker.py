@@ -24,9 +24,10 @@ def main() -> None:
     None."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the sweep handles it
     warnings.simplefilter("ignore")  # as `cli.main` does
-    results = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     # what libraries print must not come between the results
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    output = sys.stdout.fileno()
+    results = os.fdopen(os.dup(output), "wb")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), output)
     requests = SimpleQueue[Any]()
     _find_modules(pickle.load(sys.stdin.buffer))
     threading.Thread(target=_receive, args=(requests,), daemon=True).start()

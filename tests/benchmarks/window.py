@@ -23,7 +23,9 @@ SCENES = (
     ("exponential_wall", "lattice.points=4400"),
     ("exponential_wall", "lattice.points=20000"),
 )
-WARM_UP, WATCHED = 2.0, 6.0  # times before and during the measurement in the window [s]
+# times before and during the measurement in the window [s]
+WARM_UP = 2.0
+WATCHED = 6.0
 BROWSED = 4.0  # time of the measurement on the page [s]; no scene ends sooner
 COUNTED = 200  # number of states that are measured
 
@@ -33,7 +35,8 @@ def window(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
     disks."""
     from taichi_disk.window.app import window_problem
 
-    if problem := window_problem():
+    problem = window_problem()
+    if problem:
         yield f"window: not measured: {problem}"
         return
     yield f"{'the window':<46}{'pictures/s':>12}{'slowest 1 %':>13}{'steps/s':>10}"
@@ -66,19 +69,21 @@ def watch(scene: str, settings: tuple[str, ...]) -> tuple[list[float], int]:
     from taichi_disk.window.app import list_presets
     from taichi_disk.window.viewer import Viewer
 
-    seconds, steps, clock, last = [], 0, 0.0, time.perf_counter()
+    seconds = []
+    steps = 0
+    began = time.perf_counter()
+    last = began
     with tempfile.TemporaryDirectory() as folder:
-        viewer = Viewer(
-            list_presets(load_scene(scene, settings)), Path(folder), max_rate=1000
-        )
+        presets = list_presets(load_scene(scene, settings))
+        viewer = Viewer(presets, Path(folder), max_rate=1000)
         pictures = viewer.pictures()
         for made in pictures:
-            elapsed, last = time.perf_counter() - last, time.perf_counter()
-            clock += elapsed
-            if clock > WARM_UP:
-                seconds.append(elapsed)
+            now = time.perf_counter()
+            if now > began + WARM_UP:
+                seconds.append(now - last)
                 steps += made
-            if clock > WARM_UP + WATCHED:
+            last = now
+            if now > began + WARM_UP + WATCHED:
                 break
             if viewer.sandbox.paused:
                 viewer.sandbox.begin()
@@ -100,9 +105,8 @@ def page(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
         given = (*own, *settings)
         with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
             seconds, size = process.submit(states, scene, given).result()
-        line = (
-            f"  {' '.join((scene, *given)):<44}{1e3 * seconds:10.2f}{1e-3 * size:10.1f}"
-        )
+        name = " ".join((scene, *given))
+        line = f"  {name:<44}{1e3 * seconds:10.2f}{1e-3 * size:10.1f}"
         if not MISSING:
             apart = browse(scene, given)
             line += f"{1 / median(apart):10.1f}{1 / quantiles(apart, n=100)[-1]:13.1f}"
@@ -122,10 +126,8 @@ def states(scene: str, settings: tuple[str, ...]) -> tuple[float, int]:
     from taichi_disk.window.app import list_presets
     from taichi_disk.window.session import Session
 
-    session, stepping = (
-        Session(list_presets(load_scene(scene, settings)), KernelCache()),
-        0.0,
-    )
+    session = Session(list_presets(load_scene(scene, settings)), KernelCache())
+    stepping = 0.0
     advance = session.sandbox.advance
 
     def stepped(*given: float) -> int:
@@ -139,10 +141,12 @@ def states(scene: str, settings: tuple[str, ...]) -> tuple[float, int]:
     session.hear({"do": "press", "key": "space"})
     for _ in range(COUNTED // 4):
         session.advance()
-    stepping, began = 0.0, time.process_time()
+    stepping = 0.0
+    began = time.process_time()
     for _ in range(COUNTED):
         session.advance()
-    return (time.process_time() - began - stepping) / COUNTED, len(session.state)
+    of_all = time.process_time() - began - stepping
+    return of_all / COUNTED, len(session.state)
 
 
 def browse(scene: str, settings: tuple[str, ...]) -> list[float]:

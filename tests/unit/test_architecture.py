@@ -214,7 +214,7 @@ MOST = {
     "tuple assignments": 0,
     "conditional expressions": 90,
     "walruses": 1,
-    "nested comprehensions": 3,
+    "nested comprehensions": 2,
     "products with a condition": 0,
 }
 
