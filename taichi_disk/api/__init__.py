@@ -65,8 +65,8 @@ class Result(Outcome):
         from taichi_disk.output.inline import card
 
         return card(
-            "    ".join(self.scenario.title()).replace("    ", " · "),
-            rows(self.summary, self.scenario.labels),
+            "    ".join(self.scenario.words.title).replace("    ", " · "),
+            rows(self.summary, self.scenario.words.labels),
             self.plot(),
         )
 
@@ -287,11 +287,10 @@ class Result(Outcome):
     def plot(self) -> Plot:
         """Return the curves of plot.png as a Matplotlib figure, which may be changed
         and saved."""
-        from taichi_disk.output.plot import run_figure
+        from taichi_disk.output.plot import plot_scene, run_figure
 
-        return run_figure(
-            self.scenario, self.series, headline(self.summary, self.scenario.labels)
-        )
+        quoted = headline(self.summary, self.scenario.words.labels)
+        return run_figure(plot_scene(self.scenario, self.series, quoted))
 
     @runtime.alone()
     def draw(

@@ -214,7 +214,7 @@ class Work:
             path / "plot.png",
             scenario,
             outcome.columns,
-            headline(summary, scenario.labels),
+            headline(summary, scenario.words.labels),
         )
         if make_film:
             self._film(make_film, path, outcome)

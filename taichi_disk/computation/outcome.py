@@ -195,7 +195,9 @@ def summary_of(
     known = {*numbers}
     if scenario.is_thrown:
         known.add("vibration_left")
-    measured = {name: note for name, note in scenario.notes.items() if name in known}
+    measured = {
+        name: note for name, note in scenario.words.measured.items() if name in known
+    }
     summary: dict[str, Any] = {**numbers, "measured": measured, "warnings": warnings}
     if inverted is None:
         return summary

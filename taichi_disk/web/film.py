@@ -173,7 +173,7 @@ def _marks(run: Run, times: Sequence[float]) -> list[list[Any]]:
 
 def _titles(run: Run) -> list[str]:
     """Return the titles of the curves' panels, without units."""
-    labels = axis_labels(run.scenario, run.columns)
+    labels = axis_labels(run.scenario.words)
     return [label.split("  ")[0] for label in labels]
 
 

@@ -64,7 +64,7 @@ class Graphs:
         return {
             "t": t,
             "values": values,
-            "motion": self._scenario.momentary_label,
+            "motion": self._scenario.words.momentary,
             "began": began,
         }
 

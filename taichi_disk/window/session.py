@@ -317,7 +317,8 @@ class Session:
         lines = [*scenario.caption(time.display.values | {"t": t})]
         if time.segment.status == "finished" and time.lead == 0.0:
             result = next(iter(scenario.result(time.segment.columns).values()))
-            lines.append(f"*{scenario.symbol} = {printed(scenario.symbol, result)}")
+            symbol = scenario.words.symbol
+            lines.append(f"*{symbol} = {printed(symbol, result)}")
         return "\n".join(lines)
 
     def _panel(self, look: Look, scales: Scales) -> dict[str, Any]:
@@ -334,7 +335,7 @@ class Session:
             "name": entry.name,
             "sentence": entry.sentence,
             "number": controls.number,
-            "title": [*sandbox.time.display.segment.scenario.title()],
+            "title": [*sandbox.time.display.segment.scenario.words.title],
             "hint": self._hint(),
             "atStart": sandbox.at_start,
             "sliders": self._sliders(),

@@ -202,7 +202,7 @@ class Viewer:
                     ]:
                         panel.text(part)
 
-            write(entry.name, *state.segment.scenario.title(), "")
+            write(entry.name, *state.segment.scenario.words.title, "")
             for key, label in _BUTTONS:
                 if panel.button(label):
                     controls.press(key)

@@ -297,7 +297,7 @@ def test_titles_say_where_a_lattice_comes_from(tmp_path):
         from_file.scenario(),
     )
     origins = [
-        scenario.title()[-1].removeprefix("N = 60    ") for scenario in scenarios
+        scenario.words.title[-1].removeprefix("N = 60    ") for scenario in scenarios
     ]
     assert origins == ["seed 0", "seed 5", "custom lattice", "points.csv"]
     thrown = scene.scenario(velocities=np.tile([0.0, -0.05], (60, 1)))
@@ -309,7 +309,7 @@ def test_titles_say_where_a_lattice_comes_from(tmp_path):
         .scenario(velocities=np.full((60, 2), 1e-3))
     )
     assert all(
-        "own velocities" in scenario.title()[1] for scenario in (thrown, pressed)
+        "own velocities" in scenario.words.title[1] for scenario in (thrown, pressed)
     )
     assert "own velocities" not in scenarios[0].title()[1]
 
@@ -512,7 +512,7 @@ def test_a_lattice_file_gives_what_the_lattice_gives(tmp_path):
     )
     assert by_file.restitution == pytest.approx(by_array.restitution, rel=1e-12)
     assert by_file.lattice.disk_points == 60
-    assert "points.csv" in " ".join(by_file.scenario.title())
+    assert "points.csv" in " ".join(by_file.scenario.words.title)
 
     def removes(stage, done, total):
         (tmp_path / "copy.csv").unlink(missing_ok=True)
