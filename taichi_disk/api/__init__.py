@@ -81,7 +81,7 @@ class Result(Outcome):
     def numbers(self) -> dict[str, float]:
         """Results by name, the primary one first: restitution and contact_time [R/c],
         or xi [R] and xi_nominal."""
-        return self.scenario.result(self.columns)
+        return self.scenario.result(self.series)
 
     @property
     def restitution(self) -> float:
@@ -133,11 +133,6 @@ class Result(Outcome):
     def _over_lattices(self, statistic: str) -> float | None:
         name = next(iter(self.numbers))
         return self.summary.get("lattices", {}).get(name, {}).get(statistic)
-
-    @property
-    def series(self) -> dict[str, Array]:
-        """Time series: an array (rows,) for each column of timeseries.csv."""
-        return self.columns
 
     def dataframe(self) -> DataFrame:
         """Return the time series as a table of pandas. Raises TaichiDiskError if pandas

@@ -45,7 +45,7 @@ class Outcome:
     """A scenario computed to its end."""
 
     scenario: Scenario
-    columns: Columns  # time series
+    series: Columns  # time series, an array (rows,) for each column of timeseries.csv
     positions: Array  # (n, 2) at the end [R]
     velocities: Array  # (n, 2) at the end [c]
     largest_force: float  # largest force of the wall on one point [M c^2/R]
@@ -167,7 +167,7 @@ def _described(
     }
     return Outcome(
         scenario=scenario,
-        columns=columns,
+        series=columns,
         positions=positions,
         velocities=velocities,
         largest_force=largest,

@@ -70,7 +70,7 @@ def matplotlib_style(style: dict[Any, Any]) -> Iterator[None]:
 
 
 @dataclass(frozen=True)
-class Curve:
+class TimeCurve:
     """A curve over time: its panel (0: motion, 1: force, 2: energies), values (rows,),
     name and colour."""
 
@@ -80,15 +80,15 @@ class Curve:
     colour: str
 
 
-def curves(scenario: Scenario, columns: Columns) -> list[Curve]:
+def curves(scenario: Scenario, columns: Columns) -> list[TimeCurve]:
     """Return motion, force of the wall, and the energies that can be seen.
 
     The potential of the load is relative to its initial value, and omitted for
     quasi-static loading.
     """
     found = [
-        Curve(0, scenario.motion(columns), "", LINE),
-        Curve(1, columns["wall_force"], "", INK),
+        TimeCurve(0, scenario.motion(columns), "", LINE),
+        TimeCurve(1, columns["wall_force"], "", INK),
     ]
     largest = max(columns["kinetic"].max(), columns["elastic"].max())
     for name in of_kind("part", "energy", "loss"):
@@ -101,7 +101,7 @@ def curves(scenario: Scenario, columns: Columns) -> list[Curve]:
                 continue
             values = values - values[0]
         if np.abs(values).max() > VISIBLE_ENERGY * largest:
-            found.append(Curve(2, values, column.label, column.colour))
+            found.append(TimeCurve(2, values, column.label, column.colour))
     return found
 
 
@@ -139,7 +139,7 @@ class PlotScene:
     words: Words
     numbers: dict[str, float]
     columns: Columns
-    curves: list[Curve]
+    curves: list[TimeCurve]
     quality: Array
     laws: dict[str, Array]
     static: bool

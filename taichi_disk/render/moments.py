@@ -107,7 +107,7 @@ def film_times(
     """Return the times (pictures,) [R/c] of a film over the times `whole`, at a pace
     that changes smoothly from the flights to the slow motion of the contact."""
     if not longest.scenario.is_thrown:
-        return longest.scenario.frame_times(longest.columns, pictures)
+        return longest.scenario.frame_times(longest.series, pictures)
     first, second = _slow_interval(whole, runs)
     t = np.linspace(*whole, _PACE_TIMES)
     flight = np.where(t < first, first - whole[0], whole[1] - second)
@@ -122,7 +122,7 @@ def film_times(
 
 def contact_of(run: Run) -> tuple[float, float]:
     """Return the first and last time of the contact [R/c]."""
-    columns = run.columns
+    columns = run.series
     return contact_interval(columns["t"], columns["wall_force"], columns["com_vy"])
 
 
@@ -149,8 +149,8 @@ def cues(
     empty span.
     """
     count = max(3, frames)
-    longest = max(runs, key=lambda run: float(run.columns["t"][-1]))
-    columns = longest.columns
+    longest = max(runs, key=lambda run: float(run.series["t"][-1]))
+    columns = longest.series
     first, last = flights
     if span.start is not None:
         first = time_of(span.start, columns)
@@ -203,13 +203,13 @@ def _pace_words(run: Run, times: Array, fps: int) -> list[tuple[str, ...]]:
 
 
 def still_cue(run: Run, span: Span) -> Cue:
-    t = time_of(span.at, run.columns)
+    t = time_of(span.at, run.series)
     return Cue(t, MOMENTS.get(str(span.at), ""))
 
 
 def captions(run: Run, cues: Sequence[Cue]) -> Iterator[Caption]:
     """Return the words of each picture of `run`."""
-    columns = run.columns
+    columns = run.series
     times = [cue.t for cue in cues]
     peak = greatest_compression(columns)
     rows = {

@@ -35,7 +35,7 @@ def begin_panel(
 ) -> Panel:
     """Let `artist` begin to draw the panel, and return it. `size`: (width, height)
     [px]; `letter`: size of the titles' letters [px]."""
-    columns = run.columns
+    columns = run.series
     # Twice as many samples as columns are enough, and quick to send.
     times = np.linspace(*_span(run), 2 * size[0])
     shown = []
@@ -66,9 +66,9 @@ def begin_panel(
 
 def _span(run: Run) -> tuple[float, float]:
     """Return the first and last time of the curves [R/c]."""
-    t = run.columns["t"]
+    t = run.series["t"]
     if not run.scenario.is_thrown:
-        return float(t[0]), last_motion(run.columns)
+        return float(t[0]), last_motion(run.series)
     start, end = contact_of(run)
     beside = _BESIDE_CONTACT * (end - start)
     return start - beside, min(end + beside, float(t[-1]))

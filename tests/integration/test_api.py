@@ -21,6 +21,7 @@ import taichi_disk
 from taichi_disk import Lattice, Result, load_scene, load_sweep, run, run_sweep
 from taichi_disk.computation.diagnostics import BlowUp
 from taichi_disk.errors import InputError
+from taichi_disk.lattice import OwnStart
 from taichi_disk.machine import cores
 from taichi_disk.render.palette import LEVELS, colour_map
 
@@ -300,13 +301,13 @@ def test_titles_say_where_a_lattice_comes_from(tmp_path):
         scenario.words.title[-1].removeprefix("N = 60    ") for scenario in scenarios
     ]
     assert origins == ["seed 0", "seed 5", "custom lattice", "points.csv"]
-    thrown = scene.scenario(velocities=np.tile([0.0, -0.05], (60, 1)))
+    thrown = scene.scenario(own=OwnStart(None, np.tile([0.0, -0.05], (60, 1))))
     assert thrown.scene.lattice.velocities == "none"
     assert thrown.stored_scene.lattice.velocities == "lattice.npz"
     pressed = (
         load_scene("compression")
         .with_({"lattice.points": 60})
-        .scenario(velocities=np.full((60, 2), 1e-3))
+        .scenario(own=OwnStart(None, np.full((60, 2), 1e-3)))
     )
     assert all(
         "own velocities" in scenario.words.title[1] for scenario in (thrown, pressed)

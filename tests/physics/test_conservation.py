@@ -126,7 +126,7 @@ def test_a_flat_wall_gives_a_spinning_disk_no_sideways_push_and_just_its_torque(
     scenario, outcome = computed(
         kernels, "exponential_wall", *settings, *fine, estimate=False
     )
-    columns, wall, h = outcome.columns, scenario.model.wall, outcome.summary["dt"]
+    columns, wall, h = outcome.series, scenario.model.wall, outcome.summary["dt"]
     arm = scenario.lattice.positions - scenario.lattice.positions.mean(axis=0)
     spin, force = columns["angular_momentum"], columns["wall_force"]
     assert spin[0] == pytest.approx(0.3 * np.sum(arm**2) / 40, rel=1e-12)

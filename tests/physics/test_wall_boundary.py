@@ -44,7 +44,7 @@ def restitution(kernels, *settings):
     scenario, outcome = computed(
         kernels, "absorbing_wall", *WALL, *settings, estimate=False
     )
-    return scenario.result(outcome.columns)["restitution"]
+    return scenario.result(outcome.series)["restitution"]
 
 
 def test_a_pinned_wall_reflects_and_a_matched_one_absorbs(kernels):

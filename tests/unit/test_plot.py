@@ -39,7 +39,7 @@ def impact():
     scenario, outcome = computed(
         shared_kernels(), "exponential_wall", "lattice.points=100", estimate=False
     )
-    return scenario, outcome.columns
+    return scenario, outcome.series
 
 
 @pytest.fixture
@@ -118,7 +118,7 @@ def test_a_loading_shows_load_and_energy_against_the_compression_and_the_law(
     scenario, outcome = computed(
         kernels, "compression", "lattice.points=100", "compression.method=newton"
     )
-    columns = outcome.columns
+    columns = outcome.series
     plot_run(tmp_path / "a.png", plot_scene(scenario, columns))
     force, energy = figures[0].axes
     points, paper, exact = (line.get_xydata().T for line in force.lines[:3])
@@ -150,7 +150,7 @@ def test_no_law_is_drawn_for_custom_points_whose_moduli_are_unknown(
 ):
     scene = load_scene("compression", ["compression.method=newton"])
     scenario = scene.scenario(Lattice.from_points(disk(60).positions))
-    columns = compute(scenario).columns
+    columns = compute(scenario).series
     plot_run(tmp_path / "a.png", plot_scene(scenario, columns))
     assert [
         text.get_text() for text in figures[0].axes[0].get_legend().get_texts()
