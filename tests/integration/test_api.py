@@ -312,7 +312,7 @@ def test_titles_say_where_a_lattice_comes_from(tmp_path):
     assert all(
         "own velocities" in scenario.words.title[1] for scenario in (thrown, pressed)
     )
-    assert "own velocities" not in scenarios[0].title()[1]
+    assert "own velocities" not in scenarios[0].words.title[1]
 
 
 def test_what_cannot_be_computed_as_given_is_refused(result, tmp_path):
