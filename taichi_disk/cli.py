@@ -133,7 +133,7 @@ def _run(arguments: argparse.Namespace) -> int:
     with terminal(sys.stderr) as progress:
         result = run(scene, _out(arguments), progress=progress, **options)
     summary = result.summary
-    print_result(summary, result.scenario.labels, result.out)
+    print_result(summary, result.scenario.words.labels, result.out)
     for text in summary.get("notes", ()):
         _say(text)
     reasons = [summary.get("video_error"), summary.get("export_error")]

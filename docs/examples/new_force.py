@@ -52,11 +52,11 @@ scenario = replace(
 )
 outcome = compute(scenario)
 
-t, x = outcome.columns["t"], outcome.columns["com_x"]
+t, x = outcome.series["t"], outcome.series["com_x"]
 angle = np.sqrt(0.05) * t  # phase of an oscillator with k = 0.05 and the mass 1
 oscillator = x[0] * np.cos(angle) + 0.01 / np.sqrt(0.05) * np.sin(angle)
 print(
     f"the centre of mass is off an oscillator by {np.abs(x - oscillator).max():.1e} R"
 )
-print(f"e = {scenario.result(outcome.columns)['restitution']:.5f}")
+print(f"e = {scenario.result(outcome.series)['restitution']:.5f}")
 print(f"energy imbalance {outcome.summary['energy']['closing_imbalance']:.1e}")

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from taichi_disk import Lattice, load_scene, run
-from taichi_disk.computation.scenario import Array, Columns, Scenario
+from taichi_disk.computation.scenario import Array, Columns, Scenario, Words
 from taichi_disk.config.sections import Section, key
 from taichi_disk.physics import Model
 from taichi_disk.scenes import SCENES
@@ -46,8 +46,6 @@ class RingingScene(DiskScene):
 
 
 class Ringing(Scenario):
-    labels = {"period": ("period of the lowest mode", "R/c")}  # noqa: RUF012
-
     def result(self, columns: Columns) -> dict[str, float]:
         t, y = columns["t"], columns["lowest_y"] - columns["lowest_y"].mean()
         up = np.flatnonzero((y[:-1] < 0) & (y[1:] >= 0))
@@ -57,11 +55,17 @@ class Ringing(Scenario):
     def energy_scale(self, columns: Columns) -> float:
         return float(columns["elastic"][0])
 
-    def motion(self, columns: Columns) -> tuple[Array, str]:
-        return columns["lowest_y"], "lowest point  [R]"
+    def motion(self, columns: Columns) -> Array:
+        return columns["lowest_y"]
 
-    def title(self) -> tuple[str, ...]:
-        return ("Ringing", self.scene.damping, self.scene.described(self.lattice))
+    @property
+    def words(self) -> Words:
+        scene = self.scene
+        return Words(
+            title=("Ringing", scene.damping, scene.described(self.lattice)),
+            labels={"period": ("period of the lowest mode", "R/c")},
+            motion="lowest point  [R]",
+        )
 
 
 SCENES["ringing"] = RingingScene

@@ -59,7 +59,7 @@ class StepStudy:
         self.scenario = scenario
         self.spectrum = spectrum
         model = scenario.model
-        self.end = float(outcome.columns["t"][-1])
+        self.end = float(outcome.series["t"][-1])
         if model.reset_interval:
             self.end = (
                 max(1, round(self.end / model.reset_interval)) * model.reset_interval

@@ -205,9 +205,9 @@ def result_of(scene: Scene) -> float:
     # The step is automatic, because a user's dt rarely suits a finer lattice.
     scenario = replace(scene, time=replace(scene.time, dt="auto")).scenario()
     if not scenario.step_dependent:
-        return scenario.primary(scenario.quasistatic(loads=1).columns)[1]
+        return scenario.primary(scenario.quasistatic(loads=1).series)[1]
     outcome = compute(scenario, estimate=False)
-    return scenario.primary(outcome.columns)[1]
+    return scenario.primary(outcome.series)[1]
 
 
 # ---- the report

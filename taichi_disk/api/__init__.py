@@ -65,8 +65,8 @@ class Result(Outcome):
         from taichi_disk.output.inline import card
 
         return card(
-            "    ".join(self.scenario.title()).replace("    ", " · "),
-            rows(self.summary, self.scenario.labels),
+            "    ".join(self.scenario.words.title).replace("    ", " · "),
+            rows(self.summary, self.scenario.words.labels),
             self.plot(),
         )
 
@@ -81,7 +81,7 @@ class Result(Outcome):
     def numbers(self) -> dict[str, float]:
         """Results by name, the primary one first: restitution and contact_time [R/c],
         or xi [R] and xi_nominal."""
-        return self.scenario.result(self.columns)
+        return self.scenario.result(self.series)
 
     @property
     def restitution(self) -> float:
@@ -133,11 +133,6 @@ class Result(Outcome):
     def _over_lattices(self, statistic: str) -> float | None:
         name = next(iter(self.numbers))
         return self.summary.get("lattices", {}).get(name, {}).get(statistic)
-
-    @property
-    def series(self) -> dict[str, Array]:
-        """Time series: an array (rows,) for each column of timeseries.csv."""
-        return self.columns
 
     def dataframe(self) -> DataFrame:
         """Return the time series as a table of pandas. Raises TaichiDiskError if pandas
@@ -287,11 +282,10 @@ class Result(Outcome):
     def plot(self) -> Plot:
         """Return the curves of plot.png as a Matplotlib figure, which may be changed
         and saved."""
-        from taichi_disk.output.plot import run_figure
+        from taichi_disk.output.plot import plot_scene, run_figure
 
-        return run_figure(
-            self.scenario, self.series, headline(self.summary, self.scenario.labels)
-        )
+        quoted = headline(self.summary, self.scenario.words.labels)
+        return run_figure(plot_scene(self.scenario, self.series, quoted))
 
     @runtime.alone()
     def draw(

@@ -83,14 +83,14 @@ def compare_lattices(
     """
     scene: Scene = outcome.scenario.scene
     seeds = [scene.lattice.seed]
-    found = [outcome.scenario.result(outcome.columns)]
+    found = [outcome.scenario.result(outcome.series)]
     for number in range(1, count):
         progress("lattices", number - 1, count - 1)
         seed = (scene.lattice.seed + number) % 2**32
         sample = replace(scene, lattice=replace(scene.lattice, seed=seed))
         try:
             other = outcome_of(sample, force=force, estimate=False)
-            found.append(other.scenario.result(other.columns))
+            found.append(other.scenario.result(other.series))
             seeds.append(seed)
         # The scene's own result is complete, whatever happens to another lattice.
         except Exception as error:

@@ -83,9 +83,9 @@ class Work:
         """Return the scenario of the scene. Raises InputError if it cannot be computed.
         `threads` as for `run`."""
         runtime.start(threads)
-        scenario = self.scene.scenario(self._body(), self.own.velocities)
+        scenario = self.scene.scenario(self._body(), self.own)
         self.lap("build")
-        return replace(scenario, own=self.own)
+        return scenario
 
     def solve(
         self, scenario: Scenario, lattices: int | None = None, **options: Any
@@ -165,7 +165,7 @@ class Work:
         into the summary."""
         from taichi_disk.output.export import export_run
 
-        times = np.linspace(0.0, outcome.columns["t"][-1], FRAMES)
+        times = np.linspace(0.0, outcome.series["t"][-1], FRAMES)
         try:
             export_run(outcome.scenario, outcome.replay(times), path, format)
         except Exception as error:
@@ -198,11 +198,11 @@ class Work:
         asked = scenario.scene.time.sample_interval
         # Write all rows of a loading, because they are not equally spaced.
         interval = 0.0 if asked == "auto" or scenario.static else asked
-        files.write_timeseries(path / "timeseries.csv", outcome.columns, interval)
+        files.write_timeseries(path / "timeseries.csv", outcome.series, interval)
         end = {
             "positions": outcome.positions,
             "velocities": outcome.velocities,
-            "t": outcome.columns["t"][-1],
+            "t": outcome.series["t"][-1],
         }
         files.write_arrays(path / "final.npz", **end)
         self.lap("write")
@@ -213,8 +213,8 @@ class Work:
             artist,
             path / "plot.png",
             scenario,
-            outcome.columns,
-            headline(summary, scenario.labels),
+            outcome.series,
+            headline(summary, scenario.words.labels),
         )
         if make_film:
             self._film(make_film, path, outcome)

@@ -280,7 +280,7 @@ def within_tolerance(
     if left > 0.5 * tolerance:
         text += (
             f": {left:.2g} of it is due to where the run ends, at any step;"
-            f" {scenario.truncation_remedy}"
+            f" {scenario.words.truncation_remedy}"
         )
     else:
         text += "; write a smaller time.safety, or another time.integrator"
@@ -295,8 +295,9 @@ def _refuse_chaos(driver: Driver) -> None:
     change = change_of_turned_starts(driver)
     if change <= CHAOS_PART * tolerance:
         return
+    symbol = scenario.words.symbol
     raise SimulationError(
-        f"this impact is chaotic: {scenario.symbol} changes by {change:.2g} when the"
+        f"this impact is chaotic: {symbol} changes by {change:.2g} when the"
         f" start moves by {CHAOS_TURN:g} R, so that no time step gives it to"
         f" time.tolerance = {tolerance:g}; write none, which prints an honest error, or"
         " a lower impact.velocity, or more lattice.points"

@@ -45,7 +45,7 @@ class Outcome:
     """A scenario computed to its end."""
 
     scenario: Scenario
-    columns: Columns  # time series
+    series: Columns  # time series, an array (rows,) for each column of timeseries.csv
     positions: Array  # (n, 2) at the end [R]
     velocities: Array  # (n, 2) at the end [c]
     largest_force: float  # largest force of the wall on one point [M c^2/R]
@@ -167,7 +167,7 @@ def _described(
     }
     return Outcome(
         scenario=scenario,
-        columns=columns,
+        series=columns,
         positions=positions,
         velocities=velocities,
         largest_force=largest,
@@ -195,7 +195,9 @@ def summary_of(
     known = {*numbers}
     if scenario.is_thrown:
         known.add("vibration_left")
-    measured = {name: note for name, note in scenario.notes.items() if name in known}
+    measured = {
+        name: note for name, note in scenario.words.measured.items() if name in known
+    }
     summary: dict[str, Any] = {**numbers, "measured": measured, "warnings": warnings}
     if inverted is None:
         return summary

@@ -18,6 +18,42 @@ if TYPE_CHECKING:  # scene files are checked without Taichi
     from taichi_disk.physics import Model
 
 
+@dataclass(frozen=True, kw_only=True)
+class Words:
+    """What films, plots, tables and messages call the quantities of a scenario. Labels
+    of axes end with the unit in brackets.
+
+    Attributes:
+        title: lines of films and plots: the scene and its parameters.
+        symbol: of the primary result.
+        labels: name and unit of each number of `result` that is shown.
+        measured: how each number of `result` was measured.
+        marks: texts for the end of `motion` and for the wall's force, in which the
+            numbers of `result` are filled in.
+        motion: label of the axis of `motion`.
+        momentary: name and unit of `momentary_motion`.
+        time: label of the axis of `t`.
+        quality: label and scale, "linear" or "log", of the axis of `quality`.
+        pace: the film's time scale, in which the time per second is filled in; "": `t`
+            is no time.
+        end: what has happened at the end.
+        truncation_remedy: advice on how to make `end_truncation_error` smaller.
+    """
+
+    title: tuple[str, ...]
+    symbol: str = ""
+    labels: dict[str, tuple[str, str]]
+    measured: dict[str, str] = field(default_factory=dict)
+    marks: tuple[str, str] = ("", "")
+    motion: str
+    momentary: tuple[str, str] = ("velocity upwards", "c")
+    time: str = "time  [R/c]"
+    quality: tuple[str, str] = ("energy imbalance", "linear")
+    pace: str = "1 s = {:g} R/c"
+    end: str = ""
+    truncation_remedy: str = ""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scenario(ABC):
     """One scene with its start, ready to be stepped. Nothing changes it afterwards: use
@@ -56,22 +92,10 @@ class Scenario(ABC):
 
     # whether the primary result depends on the time step
     step_dependent: ClassVar[bool] = True
-    # advice on how to make `end_truncation_error` smaller
-    truncation_remedy: ClassVar[str] = ""
     # whether `t` is the fraction of a load, whose equilibria end at the full load
     static: ClassVar[bool] = False
     # whether the disk flies at a wall, so that it can be aimed
     is_thrown: ClassVar[bool] = False
-    symbol: ClassVar[str] = ""  # symbol of the primary result
-    end_words: ClassVar[str] = ""  # what has happened at the end, for messages
-    # name and unit of `momentary_motion`
-    momentary_label: ClassVar[tuple[str, str]] = ("velocity upwards", "c")
-    time_label: ClassVar[str] = "time  [R/c]"  # axis label of `t`
-    # format string of the film's time scale
-    pace: ClassVar[str] = "1 s = {:g} R/c"
-    # name and unit of each number of `result` that is shown
-    labels: ClassVar[dict[str, tuple[str, str]]]
-    notes: ClassVar[dict[str, str]] = {}  # how each number of `result` was measured
 
     @property
     def stored_scene(self) -> Any:
@@ -147,17 +171,22 @@ class Scenario(ABC):
 
     # ---- pictures
 
+    @property
+    @abstractmethod
+    def words(self) -> Words:
+        """The names of its quantities for films, plots, tables and messages."""
+
     def frame_times(self, columns: Columns, frames: int) -> Array:
         """Return the times of a film's pictures (frames,) [R/c], which are densest at
         the important moments."""
         return np.linspace(0.0, columns["t"][-1], frames)
 
     @abstractmethod
-    def motion(self, columns: Columns) -> tuple[Array, str]:
-        """Return the main curve of the scene (rows,) and the label of its axis."""
+    def motion(self, columns: Columns) -> Array:
+        """Return the main curve of the scene (rows,)."""
 
     def momentary_motion(self, row: Any) -> Any:
-        """Return the quantity that `momentary_label` names. `row`: observables, as
+        """Return the quantity that `words.momentary` names. `row`: observables, as
         numbers or as arrays (rows,)."""
         return row["com_vy"]
 
@@ -165,22 +194,11 @@ class Scenario(ABC):
         """Return predictions of continuum laws for `motion` by the name of the law."""
         return {}
 
-    def last_motion(self, columns: Columns) -> float:
-        return float(columns["t"][-1])
-
-    def marks(self, columns: Columns) -> tuple[str, str]:
-        """Return a text for the end of `motion`, such as "e = 0.96723", and one for the
-        wall's force; "" for none."""
-        return "", ""
-
-    def quality(self, columns: Columns) -> tuple[Array, str, str] | None:
-        """Return a curve of the run's accuracy (rows,), its label, and its axis scale,
-        "linear" or "log"."""
-        return None
-
-    @abstractmethod
-    def title(self) -> tuple[str, ...]:
-        """Return the title lines of films and plots: the scene and its parameters."""
+    def quality(self, columns: Columns) -> Array:
+        """Return a curve of the run's accuracy (rows,): by default the relative energy
+        imbalance."""
+        lost = columns["total"] - columns["total"][0]
+        return np.asarray(lost / self.energy_scale(columns))
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
         """Return the changing lines of one picture of a film from its observables."""

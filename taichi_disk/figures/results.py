@@ -23,12 +23,10 @@ from taichi_disk.figures.axes import (
 from taichi_disk.figures.curves import Row, grouped
 from taichi_disk.output.inline import Plot
 from taichi_disk.output.plot import STYLE, matplotlib_style
-from taichi_disk.scenes import Scene
-from taichi_disk.scenes.compression import Compression
-from taichi_disk.scenes.impact import ImpactScenario
+from taichi_disk.scenes import Scene, compression, impact
 from taichi_disk.scenes.sweep_axes import target_of
 
-LABELS = Compression.labels | ImpactScenario.labels  # name and unit of each result
+LABELS = compression.LABELS | impact.LABELS  # name and unit of each result
 
 
 def result_figure(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_disk.output.files import Array
-from taichi_disk.output.plot import PANEL_HEIGHTS, STYLE, Curve, matplotlib_style
+from taichi_disk.output.plot import PANEL_HEIGHTS, STYLE, TimeCurve, matplotlib_style
 
 Picture = NDArray[np.uint8]
 Box = tuple[int, int, int, int]
@@ -45,7 +45,7 @@ class PanelScene:
     """
 
     t: Array
-    curves: list[Curve]
+    curves: list[TimeCurve]
     labels: list[str]
     time_label: str
     size: tuple[int, int]

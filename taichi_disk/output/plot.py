@@ -10,24 +10,20 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from textwrap import fill
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from taichi_disk.computation.contact import results_time, vibration_left
+from taichi_disk.computation.scenario import Scenario, Words
 from taichi_disk.output.artist import Artist
 from taichi_disk.output.files import Array, atomic_write, origin
-from taichi_disk.simulation.observables import BY_NAME, VELOCITY, of_kind
+from taichi_disk.simulation.observables import BY_NAME, VELOCITY, Columns, of_kind
 
 if TYPE_CHECKING:
-    from taichi_disk.computation.scenario import Scenario
     from taichi_disk.output.inline import Plot
-
-Columns = dict[str, Array]
 
 STYLE: dict[Any, Any] = {
     "font.size": 9.5,
@@ -47,6 +43,9 @@ LINE = VELOCITY  # of the main curve
 INK = "#1A1A1E"  # of the wall's force
 MARK = "0.45"
 SUM = "#222222"
+# curves end when the kinetic energy falls below this fraction of its maximum
+# (amplitude: 1e-4)
+AT_REST = 1e-8
 # energies that stay below this fraction of the largest one are not drawn
 VISIBLE_ENERGY = 2e-3
 # relative heights of the panels for motion, force and energies
@@ -71,7 +70,7 @@ def matplotlib_style(style: dict[Any, Any]) -> Iterator[None]:
 
 
 @dataclass(frozen=True)
-class Curve:
+class TimeCurve:
     """A curve over time: its panel (0: motion, 1: force, 2: energies), values (rows,),
     name and colour."""
 
@@ -81,16 +80,15 @@ class Curve:
     colour: str
 
 
-def curves(scenario: Scenario, columns: Columns) -> list[Curve]:
+def curves(scenario: Scenario, columns: Columns) -> list[TimeCurve]:
     """Return motion, force of the wall, and the energies that can be seen.
 
     The potential of the load is relative to its initial value, and omitted for
     quasi-static loading.
     """
-    motion, _ = scenario.motion(columns)
     found = [
-        Curve(0, motion, "", LINE),
-        Curve(1, columns["wall_force"], "", INK),
+        TimeCurve(0, scenario.motion(columns), "", LINE),
+        TimeCurve(1, columns["wall_force"], "", INK),
     ]
     largest = max(columns["kinetic"].max(), columns["elastic"].max())
     for name in of_kind("part", "energy", "loss"):
@@ -103,54 +101,78 @@ def curves(scenario: Scenario, columns: Columns) -> list[Curve]:
                 continue
             values = values - values[0]
         if np.abs(values).max() > VISIBLE_ENERGY * largest:
-            found.append(Curve(2, values, column.label, column.colour))
+            found.append(TimeCurve(2, values, column.label, column.colour))
     return found
 
 
-def axis_labels(scenario: Scenario, columns: Columns) -> tuple[str, str, str]:
-    return scenario.motion(columns)[1], FORCE_LABEL, ENERGY_LABEL
+def axis_labels(words: Words) -> tuple[str, str, str]:
+    return words.motion, FORCE_LABEL, ENERGY_LABEL
 
 
-def plot_run(
-    path: Path, scenario: Scenario, columns: Columns, headline: str = ""
-) -> None:
-    """Draw the time series of a run (columns as in timeseries.csv) into a bitwise
-    reproducible PNG, under a headline.
+def last_motion(columns: Columns) -> float:
+    """Return the time at which the curves over time end [R/c]: that of the last motion
+    that can be seen."""
+    t = columns["t"]
+    kinetic = columns["kinetic"]
+    moving = np.flatnonzero(kinetic > AT_REST * kinetic.max())
+    if moving.size:
+        return float(t[moving[-1]])
+    return float(t[-1])
 
-    Raises SimulationError if the file cannot be written.
+
+@dataclass(frozen=True)
+class PlotScene:
+    """What a plot shows, which can be drawn in a process without Taichi.
+
+    Attributes:
+        words: names of the quantities.
+        numbers: results by name.
+        columns: time series, as in timeseries.csv.
+        curves: curves over time.
+        quality: (rows,) accuracy of the run.
+        laws: continuum laws for the compression, (rows,) [R], by name.
+        static: whether the rows are equilibria of a loading.
+        headline: the result to quote, or "".
+        origin: metadata of the file.
     """
+
+    words: Words
+    numbers: dict[str, float]
+    columns: Columns
+    curves: list[TimeCurve]
+    quality: Array
+    laws: dict[str, Array]
+    static: bool
+    headline: str
+    origin: str
+
+
+def plot_scene(scenario: Scenario, columns: Columns, headline: str = "") -> PlotScene:
+    return PlotScene(
+        words=scenario.words,
+        numbers=scenario.result(columns),
+        columns=columns,
+        curves=curves(scenario, columns),
+        quality=scenario.quality(columns),
+        laws=scenario.continuum(columns),
+        static=scenario.static,
+        headline=headline,
+        origin=origin(scenario.stored_scene),
+    )
+
+
+def plot_run(path: Path, scene: PlotScene) -> None:
+    """Draw the time series of a run into a bitwise reproducible PNG. Raises
+    SimulationError if the file cannot be written."""
     with matplotlib_style(STYLE):
-        figure = _drawn(scenario, columns, headline)
-        metadata = {"Software": None, "Description": origin(scenario.stored_scene)}
+        figure = _drawn(scene)
+        metadata = {"Software": None, "Description": scene.origin}
         atomic_write(
             path,
             lambda new: figure.savefig(
                 new, metadata=metadata, pil_kwargs={"compress_level": 3}
             ),
         )
-
-
-def run_figure(scenario: Scenario, columns: Columns, headline: str = "") -> Plot:
-    with matplotlib_style(STYLE):
-        figure = _drawn(scenario, columns, headline)
-        figure.draw_without_rendering()  # fixes the style of ticks and grid
-    return figure
-
-
-def _drawn(scenario: Scenario, columns: Columns, headline: str) -> Plot:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    from taichi_disk.output.inline import Plot
-
-    figure = Plot(figsize=(7.6, 9.2), dpi=120)
-    FigureCanvasAgg(figure)
-    parameters = "    ".join(scenario.title()[1:])
-    title = f"{fill(parameters, 95)}\n{fill(headline, 95)}"
-    figure.suptitle(title.strip(), y=0.99, fontsize=9.5, fontweight="bold")
-    (_draw_loading if scenario.static else _draw_run)(figure, scenario, columns)
-    for ax in figure.axes:
-        ax.yaxis.set_label_coords(-0.11, 0.5)
-    return figure
 
 
 def begin_plot(
@@ -160,43 +182,41 @@ def begin_plot(
     columns: Columns,
     headline: str = "",
 ) -> Callable[[], None]:
-    """Begin `plot_run` with these arguments, and return a function that waits for the
-    plot."""
-    answers = _plot_answers(scenario, columns)
-    return artist.begin(plot_run, path, answers, columns, headline)
+    """Begin to draw the plot of a run, and return a function that waits for it."""
+    return artist.begin(plot_run, path, plot_scene(scenario, columns, headline))
 
 
-def _plot_answers(scenario: Scenario, columns: Columns) -> Any:
-    """Return a picklable stand-in for `scenario` with ready answers, so that the second
-    process needs no Taichi."""
-    questions = ["motion", "marks", "quality", "last_motion"]
-    if scenario.static:
-        questions = ["motion", "marks", "continuum"]
-    answers = {name: getattr(scenario, name)(columns) for name in questions}
-    answers["title"] = scenario.title()
-    answer_functions = {
-        name: partial(_answer, answer) for name, answer in answers.items()
-    }
-    scene = SimpleNamespace(to_yaml=partial(_answer, scenario.stored_scene.to_yaml()))
-    return SimpleNamespace(
-        stored_scene=scene,
-        static=scenario.static,
-        time_label=scenario.time_label,
-        **answer_functions,
-    )
+def run_figure(scene: PlotScene) -> Plot:
+    with matplotlib_style(STYLE):
+        figure = _drawn(scene)
+        figure.draw_without_rendering()  # fixes the style of ticks and grid
+    return figure
 
 
-def _answer(answer: Any, *_: Any) -> Any:
-    return answer
+def _drawn(scene: PlotScene) -> Plot:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    from taichi_disk.output.inline import Plot
+
+    figure = Plot(figsize=(7.6, 9.2), dpi=120)
+    FigureCanvasAgg(figure)
+    parameters = "    ".join(scene.words.title[1:])
+    title = f"{fill(parameters, 95)}\n{fill(scene.headline, 95)}"
+    figure.suptitle(title.strip(), y=0.99, fontsize=9.5, fontweight="bold")
+    if scene.static:
+        _draw_loading(figure, scene)
+    else:
+        _draw_run(figure, scene)
+    for ax in figure.axes:
+        ax.yaxis.set_label_coords(-0.11, 0.5)
+    return figure
 
 
-def _draw_run(figure: Any, scenario: Scenario, columns: Columns) -> None:
+def _draw_run(figure: Any, scene: PlotScene) -> None:
+    words = scene.words
+    columns = scene.columns
     t = columns["t"]
-    quality = scenario.quality(columns)
-    result, note = scenario.marks(columns)
-    ratios = [*PANEL_HEIGHTS[:2], 0.12, *PANEL_HEIGHTS[2:]]
-    if quality:
-        ratios.append(0.8)
+    ratios = [*PANEL_HEIGHTS[:2], 0.12, *PANEL_HEIGHTS[2:], 0.8]
     # layout="constrained" would draw everything twice and so double the time of a plot.
     axes = list(
         figure.subplots(
@@ -204,32 +224,38 @@ def _draw_run(figure: Any, scenario: Scenario, columns: Columns) -> None:
         )
     )
     axes.pop(2).remove()  # the legend of the energies takes the place of these axes
-    axes[-1].set_xlim(t[0], scenario.last_motion(columns))
-    axes[-1].set_xlabel(scenario.time_label)
-    for ax, label in zip(axes, axis_labels(scenario, columns), strict=False):
+    motion, force, energies, quality = axes
+    quality.set_xlim(t[0], last_motion(columns))
+    quality.set_xlabel(words.time)
+    for ax, label in zip(axes, axis_labels(words), strict=False):
         ax.set_ylabel(label)
-    for curve in curves(scenario, columns):
+    for curve in scene.curves:
         ax = axes[curve.panel]
         ax.plot(t, curve.values, color=curve.colour, label=curve.name)
-    _mark_vibration(axes[2], columns)
-    _mark(axes[0], scenario.motion(columns)[0], result, side="right")
-    axes[1].annotate(
-        note, (0.988, 0.92), xycoords="axes fraction", ha="right", va="top", color="0.2"
+    _mark_vibration(energies, columns)
+    result_mark, force_mark = (mark.format(**scene.numbers) for mark in words.marks)
+    _mark(motion, scene.curves[0].values, result_mark, side="right")
+    force.annotate(
+        force_mark,
+        (0.988, 0.92),
+        xycoords="axes fraction",
+        ha="right",
+        va="top",
+        color="0.2",
     )
     everything = columns["total"] - columns["load"][0]
     dashes = (0, (4, 2))
-    axes[2].plot(t, everything, color=SUM, linestyle=dashes, label="sum of all")
-    axes[2].legend(
+    energies.plot(t, everything, color=SUM, linestyle=dashes, label="sum of all")
+    energies.legend(
         loc="lower center",
         bbox_to_anchor=(0.54, 1.0),
         ncols=4,
         borderaxespad=0.2,
         columnspacing=1.4,
     )
-    if quality:
-        values, label, scale = quality
-        axes[3].plot(t, values, color=LINE)
-        axes[3].set(ylabel=label, yscale=scale)
+    quality_label, scale = words.quality
+    quality.plot(t, scene.quality, color=LINE)
+    quality.set(ylabel=quality_label, yscale=scale)
 
 
 def _mark_vibration(ax: Any, columns: Columns) -> None:
@@ -254,17 +280,18 @@ def _mark_vibration(ax: Any, columns: Columns) -> None:
     )
 
 
-def _draw_loading(figure: Any, scenario: Scenario, columns: Columns) -> None:
-    xi, label = scenario.motion(columns)
+def _draw_loading(figure: Any, scene: PlotScene) -> None:
+    words = scene.words
+    columns = scene.columns
+    xi = columns["xi"]
     load = columns["wall_force"]
     force, energy = figure.subplots(
         2, 1, sharex=True, height_ratios=(2.0, 1.0), gridspec_kw=LAYOUT
     )
     force.plot(xi, load, "o-", color=LINE, markersize=4, label="equilibria")
-    laws = scenario.continuum(columns).items()
-    for (name, law), style in zip(laws, ("--", ":"), strict=False):
+    for (name, law), style in zip(scene.laws.items(), ("--", ":"), strict=False):
         force.plot(law, load, style, color=SUM, label=name)
-    _mark(force, load, scenario.marks(columns)[0], side="left")
+    _mark(force, load, words.marks[0].format(**scene.numbers), side="left")
     for name in ("elastic", "wall"):
         column = BY_NAME[name]
         energy.plot(xi, columns[name], label=column.label, color=column.colour)
@@ -272,7 +299,7 @@ def _draw_loading(figure: Any, scenario: Scenario, columns: Columns) -> None:
     dashes = (0, (4, 2))
     energy.plot(xi, stored, color=SUM, linestyle=dashes, label="sum: work of the load")
     force.set_ylabel("load P  [Mc²/R]")
-    energy.set(xlabel=label, ylabel=ENERGY_LABEL)
+    energy.set(xlabel=words.motion, ylabel=ENERGY_LABEL)
     force.legend(loc="lower right")
     energy.legend(loc="upper left")
 

@@ -11,7 +11,7 @@ import os
 import re
 import shutil
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from errno import EEXIST, ENOTEMPTY
 from functools import partial
@@ -34,32 +34,32 @@ PICTURES = re.compile(
 )
 
 
-class FolderContents(NamedTuple):
-    names: list[str]
-    foreign: list[str]  # names that no run has written
-    # text of scene.yaml, and digest of a custom lattice or custom velocities
-    run: tuple[str, str] = ("", "")
-    status: str = ""  # of the run
+class StoredRun(NamedTuple):
+    """The run in a folder; all "" if the folder is empty or does not exist."""
+
+    scene: str = ""  # text of scene.yaml
+    lattice: str = ""  # digest of a custom lattice or custom velocities
+    status: str = ""
 
 
-def inspect(folder: Path) -> FolderContents:
-    """Return the contents of `folder`, which are empty if it does not exist. Raises
-    OSError if it cannot be listed."""
-    if not folder.exists():
-        return FolderContents([], [])
-    names = files.listed(folder)
+def stored_run(folder: Path) -> StoredRun:
+    """Return the run that `folder` holds. Raises InputError if the folder holds
+    anything else, OSError if it cannot be listed."""
+    names = []
+    if folder.exists():
+        names = files.listed(folder)
     summary = files.read_summary(folder)
-    if "status" not in summary or "scene.yaml" not in names:
-        return FolderContents(names, names)
-    foreign = [name for name in names if not _is_of_a_run(folder / name)]
-    if foreign:
-        return FolderContents(names, foreign)
-    try:
-        scene = read_text(folder / "scene.yaml")
-    except InputError:  # huge or not text, so no run wrote it
-        return FolderContents(names, ["scene.yaml"])
-    run = scene, str(summary.get("lattice_digest", ""))
-    return FolderContents(names, [], run, str(summary["status"]))
+    is_run = "status" in summary and "scene.yaml" in names
+    for name in names:
+        if not (is_run and _is_of_a_run(folder / name)):
+            raise InputError(f"{folder} holds {name}, which no run wrote")
+    if not is_run:
+        return StoredRun()
+    return StoredRun(
+        scene=read_text(folder / "scene.yaml"),
+        lattice=str(summary.get("lattice_digest", "")),
+        status=str(summary["status"]),
+    )
 
 
 def _is_of_a_run(path: Path) -> bool:
@@ -76,7 +76,8 @@ class RunFolder:
     Attributes:
         path: hidden folder, into which the files are written.
         out: folder in which they appear; another one if it has become unsuitable.
-        replaceable: the runs that may be replaced, this one first.
+        replaceable: scene and lattice of the runs that may be replaced, this run's
+            first.
         say: receives a sentence if another folder is used.
     """
 
@@ -88,50 +89,52 @@ class RunFolder:
     def take_over(self) -> str | None:
         """Copy earlier films and trajectories of the same run, and return the name of
         a film, or None."""
-        earlier = inspect(self.out)
-        if earlier.run == self.replaceable[0]:
-            for name in filter(PICTURES.fullmatch, earlier.names):
-                if not (self.path / name).exists():
-                    files.atomic_write(
-                        self.path / name, partial(_copy, self.out / name)
-                    )
+        for earlier in self._earlier_pictures():
+            new = self.path / earlier.name
+            if not new.exists():
+                files.atomic_write(new, partial(_copy, earlier))
         for name in FILMS:
             if (self.path / name).exists():
                 return name
         return None
 
+    def _earlier_pictures(self) -> list[Path]:
+        with suppress(InputError):  # something else has appeared there
+            if stored_run(self.out)[:2] == self.replaceable[0]:
+                return [p for p in self.out.iterdir() if PICTURES.fullmatch(p.name)]
+        return []
+
     def choose(self, folders: Iterable[Path], status: str, advice: str = "") -> Path:
         """Return the first of `folders` that a run with `status` may become. Raises
         InputError if there is none; `advice` follows "holds another run"."""
-        refusal = ""
+        refusal = None
         for folder in folders:
             files.restore(folder)
-            obstacle = self._obstacle(folder, status, advice)
-            if not obstacle:
-                if refusal:
-                    self.say(f"{refusal}; this run goes into {folder}")
-                return folder
-            refusal = refusal or f"{folder} {obstacle}"
+            try:
+                self._check(folder, status, advice)
+            except InputError as error:
+                refusal = refusal or error
+                continue
+            if refusal:
+                self.say(f"{refusal}; this run goes into {folder}")
+            return folder
         raise InputError(f"{refusal}; choose another folder as `out`")
 
-    def _obstacle(self, folder: Path, status: str, advice: str) -> str:
-        """Return why a run with `status` must not replace `folder`, or an empty
-        string."""
-        contents = inspect(folder)
-        if contents.foreign:
-            return f"holds {contents.foreign[0]}, which no run wrote"
-        if contents.status == "done" and status != "done":
-            return "holds a finished run"
-        if contents.names and contents.run not in self.replaceable:
-            return f"holds another run{advice}"
+    def _check(self, folder: Path, status: str, advice: str) -> None:
+        """Raise InputError if a run with `status` must not replace `folder`."""
+        stored = stored_run(folder)
+        if stored.status == "done" and status != "done":
+            raise InputError(f"{folder} holds a finished run")
+        if stored.status and stored[:2] not in self.replaceable:
+            raise InputError(f"{folder} holds another run{advice}")
         try:
             # This never succeeds, because `path` is not empty. But a mount point, or a
             # folder of a container's image, fails for its own reason.
             os.rename(folder, self.path)
         except OSError as error:
             if folder.is_dir() and error.errno not in (EEXIST, ENOTEMPTY):
-                return f"cannot be renamed ({reason(error)})"
-        return ""
+                why = reason(error)
+                raise InputError(f"{folder} cannot be renamed ({why})") from None
 
     def appear(self, status: str) -> None:
         """Rename `path` to `out`, or to another folder if `out` has become unsuitable.
@@ -191,7 +194,8 @@ def run_folder(
             files.write_text(path / "scene.yaml", scene_yaml)
             folder = RunFolder(path, asked, [(scene_yaml, lattice)], say)
             if overwrite:
-                folder.replaceable.append(inspect(asked).run)
+                with suppress(InputError):  # which `choose` raises again, with advice
+                    folder.replaceable.append(stored_run(asked)[:2])
             if count_on:
                 folder.out = folder.choose(_numbered(asked), "done")
             else:
@@ -238,10 +242,8 @@ def _copy(old: Path, new: Path) -> None:
 def refuse_run(out: Path) -> None:
     """Raise InputError if `out` holds a run, or cannot be read."""
     try:
-        if not out.is_dir():
-            return
-        contents = inspect(out)
+        is_run = out.is_dir() and "summary.json" in files.listed(out)
     except OSError as error:
         raise files.cannot_write(out, error) from None
-    if contents.status:
+    if is_run and "status" in files.read_summary(out):
         raise InputError(f"{out} holds a run; choose another folder as `out`")

@@ -69,7 +69,7 @@ def check_target(path: Path) -> None:
         check_pictures(path)
 
 
-def film(
+def prepare_film(
     path: Path,
     runs: Sequence[Run],
     video: VideoSection,
@@ -132,7 +132,7 @@ def common_span(flights: Sequence[Flight]) -> tuple[float, float]:
     """Return the first and last time of a film of several runs [R/c]: none flies
     higher than alone, unless another run still goes on."""
     start = max(one.start for one in flights)
-    last = max(float(one.run.columns["t"][-1]) for one in flights)
+    last = max(float(one.run.series["t"][-1]) for one in flights)
     return start, max(min(one.end for one in flights), last)
 
 

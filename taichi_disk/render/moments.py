@@ -107,7 +107,7 @@ def film_times(
     """Return the times (pictures,) [R/c] of a film over the times `whole`, at a pace
     that changes smoothly from the flights to the slow motion of the contact."""
     if not longest.scenario.is_thrown:
-        return longest.scenario.frame_times(longest.columns, pictures)
+        return longest.scenario.frame_times(longest.series, pictures)
     first, second = _slow_interval(whole, runs)
     t = np.linspace(*whole, _PACE_TIMES)
     flight = np.where(t < first, first - whole[0], whole[1] - second)
@@ -122,7 +122,7 @@ def film_times(
 
 def contact_of(run: Run) -> tuple[float, float]:
     """Return the first and last time of the contact [R/c]."""
-    columns = run.columns
+    columns = run.series
     return contact_interval(columns["t"], columns["wall_force"], columns["com_vy"])
 
 
@@ -149,8 +149,8 @@ def cues(
     empty span.
     """
     count = max(3, frames)
-    longest = max(runs, key=lambda run: float(run.columns["t"][-1]))
-    columns = longest.columns
+    longest = max(runs, key=lambda run: float(run.series["t"][-1]))
+    columns = longest.series
     first, last = flights
     if span.start is not None:
         first = time_of(span.start, columns)
@@ -189,12 +189,13 @@ def cues(
 
 
 def _pace_words(run: Run, times: Array, fps: int) -> list[tuple[str, ...]]:
-    if not run.scenario.pace:
+    pace_text = run.scenario.words.pace
+    if not pace_text:
         return [() for _ in times]
     words = []
     paces = fps * np.diff(times, append=2.0 * times[-1] - times[-2])
     for pace in paces:
-        lines = [run.scenario.pace.format(float(f"{pace:.2g}"))]
+        lines = [pace_text.format(float(f"{pace:.2g}"))]
         if pace <= _SLOW * paces.min():
             lines.append("slow motion")
         words.append(tuple(lines))
@@ -202,20 +203,21 @@ def _pace_words(run: Run, times: Array, fps: int) -> list[tuple[str, ...]]:
 
 
 def still_cue(run: Run, span: Span) -> Cue:
-    t = time_of(span.at, run.columns)
+    t = time_of(span.at, run.series)
     return Cue(t, MOMENTS.get(str(span.at), ""))
 
 
 def captions(run: Run, cues: Sequence[Cue]) -> Iterator[Caption]:
     """Return the words of each picture of `run`."""
-    columns = run.columns
+    columns = run.series
     times = [cue.t for cue in cues]
     peak = greatest_compression(columns)
     rows = {
         name: np.interp(times, columns["t"], each) for name, each in columns.items()
     }
     rows["t"] = np.array(times)
-    result, _ = run.scenario.marks(columns)
+    numbers = run.scenario.result(columns)
+    result = run.scenario.words.marks[0].format(**numbers)
     result_time = float(columns["t"][-1])
     if run.scenario.is_thrown:
         _, result_time = contact_of(run)
@@ -259,7 +261,8 @@ def check_runs(runs: Sequence[Run], labels: Sequence[str] = ()) -> None:
         )
     if len(runs) > MAX_RUNS:
         raise InputError(f"{len(runs)} runs side by side: compare {MAX_RUNS} at most")
-    if len({(run.scenario.time_label, *run.scenario.labels) for run in runs}) > 1:
+    words = [run.scenario.words for run in runs]
+    if len({(one.time, *one.labels) for one in words}) > 1:
         raise InputError(
             "these runs cannot be compared: they differ in the meaning of time or in"
             " their results"
@@ -269,7 +272,7 @@ def check_runs(runs: Sequence[Run], labels: Sequence[str] = ()) -> None:
 def titles(runs: Sequence[Run], labels: Sequence[str] = ()) -> list[tuple[str, ...]]:
     """Return the title lines of each run. The first line of compared runs names the
     keys in which their scenes differ, or is one of `labels`."""
-    known = [run.scenario.title() for run in runs]
+    known = [run.scenario.words.title for run in runs]
     names = list(labels) or _differences(runs)
     if not names:
         return known

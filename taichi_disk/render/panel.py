@@ -17,7 +17,7 @@ from taichi_disk.output.panel import (
     draw_panel,
     factored,
 )
-from taichi_disk.output.plot import axis_labels, curves
+from taichi_disk.output.plot import axis_labels, curves, last_motion
 from taichi_disk.render.moments import Run, contact_of
 from taichi_disk.render.palette import THEMES
 
@@ -35,12 +35,12 @@ def begin_panel(
 ) -> Panel:
     """Let `artist` begin to draw the panel, and return it. `size`: (width, height)
     [px]; `letter`: size of the titles' letters [px]."""
-    columns = run.columns
+    columns = run.series
     # Twice as many samples as columns are enough, and quick to send.
     times = np.linspace(*_span(run), 2 * size[0])
     shown = []
     labels = []
-    for panel, label in enumerate(axis_labels(run.scenario, columns)):
+    for panel, label in enumerate(axis_labels(run.scenario.words)):
         group = [one for one in curves(run.scenario, columns) if one.panel == panel]
         largest = max(float(np.abs(one.values).max()) for one in group)
         text, unit = factored(label, largest)
@@ -56,7 +56,7 @@ def begin_panel(
         t=times,
         curves=shown,
         labels=labels,
-        time_label=run.scenario.time_label,
+        time_label=run.scenario.words.time,
         size=size,
         letter=letter,
         colours=colours | {"coming": _COMING[theme]},
@@ -66,9 +66,9 @@ def begin_panel(
 
 def _span(run: Run) -> tuple[float, float]:
     """Return the first and last time of the curves [R/c]."""
-    t = run.columns["t"]
+    t = run.series["t"]
     if not run.scenario.is_thrown:
-        return float(t[0]), run.scenario.last_motion(run.columns)
+        return float(t[0]), last_motion(run.series)
     start, end = contact_of(run)
     beside = _BESIDE_CONTACT * (end - start)
     return start - beside, min(end + beside, float(t[-1]))

@@ -67,7 +67,7 @@ class Flight:
         is no flight.
         """
         scenario = run.scenario
-        columns = run.columns
+        columns = run.series
         last = float(columns["t"][-1])
         velocity, spin = _rigid_motion(run)
         springs = scenario.model.springs
@@ -148,7 +148,7 @@ class Recording:
         self.run = flight.run
         self._flight = flight
         self.times = np.unique(times)
-        self._peak = greatest_compression(self.run.columns)
+        self._peak = greatest_compression(self.run.series)
         self._scale_states = self._replay()
         scale = [(x, v) for t, x, v in self._scale_states if t <= self._peak]
         self.limits = self._limits(scale, quantities)
@@ -201,7 +201,7 @@ class Recording:
     def _end_positions(self) -> Array:
         """Return approximate positions at the end of the film: after the end of the
         run, the disk moves on without changing its shape."""
-        columns = self.run.columns
+        columns = self.run.series
         beyond = max(self.times[-1] - columns["t"][-1], 0.0)
         velocity = np.array([columns["com_vx"][-1], columns["com_vy"][-1]])
         return self.run.positions + beyond * velocity

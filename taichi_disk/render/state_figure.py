@@ -51,7 +51,7 @@ def draw_state(
             figure = Plot(figsize=(5.2, 4.2), dpi=160, layout="constrained")
             FigureCanvasAgg(figure)
             ax = figure.subplots()
-        name, _, unit = run.scenario.time_label.partition("  ")
+        name, _, unit = run.scenario.words.time.partition("  ")
         title = f"{name} = {cue.t:.4g} {unit.strip('[]')}".strip()
         common = CommonScales.of([states], 1.0)
         _draw(ax, common.view, painter_of(states, video, common), x, v)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from taichi_disk.computation.scenario import Array, Scenario, distribute
+from taichi_disk.computation.scenario import Array, Scenario, Words, distribute
 from taichi_disk.config.sections import CompressionSection, MaterialSection, WallSection
 from taichi_disk.lattice import Lattice
 from taichi_disk.progress import Progress, silent
@@ -25,9 +25,19 @@ if TYPE_CHECKING:
 # gently
 TOUCH = 1e-3
 STRAINED = 1e-9  # a lattice with a larger strain is not at rest
-# curves end when the kinetic energy falls below this fraction of its maximum
-# (amplitude: 1e-4)
-AT_REST = 1e-8
+LABELS = {
+    "xi": ("compression xi", "R"),
+    "xi_nominal": ("compression xi, from nominal radius", "R"),
+}
+MEASURED = {
+    "xi": "centre of mass to lowest point, unloaded minus loaded [R]",
+    "xi_nominal": (
+        "R = 1 minus the loaded distance from centre of mass to lowest point [R]"
+    ),
+    "xi_extrapolated": (
+        "part of xi that comes from extrapolating the last slow roll [R]"
+    ),
+}
 
 
 class CompressionScene(DiskScene):
@@ -132,23 +142,6 @@ class Compression(Scenario):
     unloaded: float
 
     step_dependent = False
-    truncation_remedy = "write compression.method: newton"
-    symbol = "ξ"
-    end_words = "at rest"
-    momentary_label = ("compression ξ", "R")
-    labels: ClassVar = {
-        "xi": ("compression xi", "R"),
-        "xi_nominal": ("compression xi, from nominal radius", "R"),
-    }
-    notes: ClassVar = {
-        "xi": "centre of mass to lowest point, unloaded minus loaded [R]",
-        "xi_nominal": (
-            "R = 1 minus the loaded distance from centre of mass to lowest point [R]"
-        ),
-        "xi_extrapolated": (
-            "part of xi that comes from extrapolating the last slow roll [R]"
-        ),
-    }
 
     @property
     def pressure(self) -> float:
@@ -239,26 +232,15 @@ class Compression(Scenario):
             "xi_extrapolated": abs(remaining),
         }
 
-    def marks(self, columns: Columns) -> tuple[str, str]:
-        return f"ξ = {self.result(columns)['xi']:.6g} R", ""
+    def quality(self, columns: Columns) -> Array:
+        return columns["residual"]
 
-    def quality(self, columns: Columns) -> tuple[Array, str, str] | None:
-        return columns["residual"], "largest force on\na point  [Mc²/R]", "log"
-
-    def motion(self, columns: Columns) -> tuple[Array, str]:
+    def motion(self, columns: Columns) -> Array:
         height = columns["com_y"] - columns["lowest_y"]
-        return self.result(columns)["xi"] + height[-1] - height, "compression ξ  [R]"
+        return self.result(columns)["xi"] + height[-1] - height
 
     def momentary_motion(self, row: Any) -> Any:
         return self.unloaded - (row["com_y"] - row["lowest_y"])
-
-    def last_motion(self, columns: Columns) -> float:
-        t = columns["t"]
-        kinetic = columns["kinetic"]
-        moving = np.flatnonzero(kinetic > AT_REST * kinetic.max())
-        if moving.size:
-            return float(t[moving[-1]])
-        return float(t[-1])
 
     def frame_times(self, columns: Columns, frames: int) -> Array:
         t = columns["t"]
@@ -266,7 +248,22 @@ class Compression(Scenario):
         visible = t[np.flatnonzero(kinetic >= 1e-4 * kinetic.max())[-1]]
         return distribute([0.0, min(visible, 0.5 * t[-1]), t[-1]], [0.85, 0.15], frames)
 
-    def title(self) -> tuple[str, ...]:
+    @property
+    def words(self) -> Words:
+        return Words(
+            title=self._title(),
+            symbol="ξ",
+            labels=LABELS,
+            measured=MEASURED,
+            marks=("ξ = {xi:.6g} R", ""),
+            motion="compression ξ  [R]",
+            momentary=("compression ξ", "R"),
+            quality=("largest force on\na point  [Mc²/R]", "log"),
+            end="at rest",
+            truncation_remedy="write compression.method: newton",
+        )
+
+    def _title(self) -> tuple[str, ...]:
         scene = self.scene
         load = f"P = {self.pressure:g} Mc²/R"
         parameters = f"{load}    {scene.damping}    a = {scene.wall.a:g}/R"
@@ -287,11 +284,13 @@ class Loading(Compression):
     of the full load."""
 
     static = True
-    time_label = "fraction of the load P"
-    pace = ""
 
-    def motion(self, columns: Columns) -> tuple[Array, str]:
-        return columns["xi"], "compression ξ  [R]"
+    @property
+    def words(self) -> Words:
+        return replace(super().words, time="fraction of the load P", pace="")
+
+    def motion(self, columns: Columns) -> Array:
+        return columns["xi"]
 
     def continuum(self, columns: Columns) -> dict[str, Array]:
         # the moduli of other points are not known

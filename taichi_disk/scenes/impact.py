@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from taichi_disk.computation.contact import CONTACT_LEVEL, contact_interval
-from taichi_disk.computation.scenario import Array, Scenario, signed, time_text
+from taichi_disk.computation.scenario import Array, Scenario, Words, signed, time_text
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Lattice, disk_of
 from taichi_disk.lattice.network import bending_compliance, network_stiffness
@@ -45,6 +45,27 @@ BENDING_POTENTIAL = 1e-10
 # largest path per step, in decay lengths of the wall, at which a second run shows the
 # error
 RESOLVED = 0.49
+
+LABELS = {
+    "restitution": ("restitution e", ""),
+    "contact_time": ("contact time", "R/c"),
+    **{name: (label, unit) for name, (label, unit, _) in oblique.RESULTS.items()},
+}
+MEASURED = {
+    "restitution": (
+        "-v_cm(after)/v_cm(before), far from the wall, after the disk has left for good"
+    ),
+    "contact_time": (
+        f"first to last time that the wall's force is {CONTACT_LEVEL:g} of its peak"
+        " [R/c]"
+    ),
+    **{name: note for name, (_, _, note) in oblique.RESULTS.items()},
+    "vibration_left": (
+        "kinetic and elastic energy of vibration at the end of the last contact, minus"
+        " that at the start, over the energy of the flight before; a spin stretches the"
+        " disk, which counts as vibration"
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -244,31 +265,7 @@ class ImpactScenario(Scenario):
     gap: float
     speed_before: float
 
-    truncation_remedy = "a larger impact.gap ends it farther from the wall"
     is_thrown = True
-    symbol = "e"
-    end_words = "the disk has left"
-    labels: ClassVar = {
-        "restitution": ("restitution e", ""),
-        "contact_time": ("contact time", "R/c"),
-        **{name: (label, unit) for name, (label, unit, _) in oblique.RESULTS.items()},
-    }
-    notes: ClassVar = {
-        "restitution": (
-            "-v_cm(after)/v_cm(before), far from the wall, after the disk has left for"
-            " good"
-        ),
-        "contact_time": (
-            f"first to last time that the wall's force is {CONTACT_LEVEL:g} of its peak"
-            " [R/c]"
-        ),
-        **{name: note for name, (_, _, note) in oblique.RESULTS.items()},
-        "vibration_left": (
-            "kinetic and elastic energy of vibration at the end of the last contact,"
-            " minus that at the start, over the energy of the flight before; a spin"
-            " stretches the disk, which counts as vibration"
-        ),
-    }
 
     @property
     def velocity(self) -> float:
@@ -374,24 +371,27 @@ class ImpactScenario(Scenario):
             np.sqrt(columns["com_vy"][-1] ** 2 + 2.0 * max(columns["wall"][-1], 0.0))
         )
 
-    def marks(self, columns: Columns) -> tuple[str, str]:
-        found = self.result(columns)
-        return (
-            f"e = {found['restitution']:.4f}",
-            f"contact time {found['contact_time']:.4g} R/c",
+    def motion(self, columns: Columns) -> Array:
+        return columns["com_vy"] / self.velocity
+
+    @property
+    def words(self) -> Words:
+        motion = "velocity of the centre  [v]"
+        if self.scene.is_oblique:
+            motion = "normal velocity  [initial]"
+        return Words(
+            title=self._title(),
+            symbol="e",
+            labels=LABELS,
+            measured=MEASURED,
+            marks=("e = {restitution:.4f}", "contact time {contact_time:.4g} R/c"),
+            motion=motion,
+            quality=("energy imbalance\n/ initial kinetic", "linear"),
+            end="the disk has left",
+            truncation_remedy="a larger impact.gap ends it farther from the wall",
         )
 
-    def quality(self, columns: Columns) -> tuple[Array, str, str]:
-        lost = (columns["total"] - columns["total"][0]) / self.reference_energy
-        return lost, "energy imbalance\n/ initial kinetic", "linear"
-
-    def motion(self, columns: Columns) -> tuple[Array, str]:
-        label = "velocity of the centre  [v]"
-        if self.scene.is_oblique:
-            label = "normal velocity  [initial]"
-        return columns["com_vy"] / self.velocity, label
-
-    def title(self) -> tuple[str, ...]:
+    def _title(self) -> tuple[str, ...]:
         scene = self.scene
         impact = scene.impact
         friction = scene.wall.friction

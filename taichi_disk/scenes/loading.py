@@ -97,7 +97,7 @@ def quasistatic(scenario: Any, loads: int, progress: Progress) -> Outcome:
     _, forces = model.wall.contact_forces(lattice, rest.positions)
     return Outcome(
         scenario=scenario,
-        columns=columns,
+        series=columns,
         positions=rest.positions,
         velocities=np.zeros_like(rest.positions),
         largest_force=float(np.hypot(*forces.T).max(initial=0.0)),

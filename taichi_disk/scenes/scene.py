@@ -221,24 +221,25 @@ class DiskScene(Frozen):
         wall."""
 
     def scenario(
-        self, lattice: Lattice | None = None, velocities: Array | None = None
+        self, lattice: Lattice | None = None, own: OwnStart | None = None
     ) -> Scenario:
         """Return the scenario that computes the scene.
 
         Args:
             lattice: unloaded disk to use instead of the scene's, or a disk with its
                 wall, as `body` returns it.
-            velocities: (N, 2) initial velocities of the disk's points to use instead of
-                the scene's [c].
+            own: user-supplied start, whose velocities are used; by default those in the
+                file that the scene names.
         """
         body = lattice or self.body()
-        own = own_velocities(self.lattice, velocities)
         if own is None:
-            return self.of_body(body)
-        scenario = self.thrown_with(body, own).of_body(body)
-        all_velocities = scenario.velocities.copy()
-        all_velocities[: body.disk_points] = own
-        return replace(scenario, velocities=all_velocities, own=OwnStart(None, own))
+            own = OwnStart(None, own_velocities(self.lattice, None))
+        if own.velocities is None:
+            return replace(self.of_body(body), own=own)
+        scenario = self.thrown_with(body, own.velocities).of_body(body)
+        velocities = scenario.velocities.copy()
+        velocities[: body.disk_points] = own.velocities
+        return replace(scenario, velocities=velocities, own=own)
 
     def thrown_with(self, body: Lattice, velocities: Array) -> Self:
         """Return the scene whose throw has the mean speed and direction of `velocities`

@@ -127,7 +127,7 @@ def compute_points(scenes: Iterable[Scene], estimate: bool) -> Iterator[PointRes
 def _computed(scene: Scene, estimate: bool) -> PointResult:
     outcome = outcome_of(scene, estimate=estimate)
     summary = outcome.summary
-    numbers: dict[str, Any] = dict(outcome.scenario.result(outcome.columns))
+    numbers: dict[str, Any] = dict(outcome.scenario.result(outcome.series))
     if scene.lattice.file == "none":  # the material of other points is not known
         moduli = scene.moduli(scene.lattice.points)
         numbers |= {"young": moduli.young, "poisson": moduli.poisson}

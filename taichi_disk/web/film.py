@@ -68,12 +68,12 @@ def film(
     artist: Artist | None = None,
 ) -> Callable[[], None]:
     """Prepare a page (.html) that plays the states of `runs` side by side, with the
-    arguments of `render.film.film`, and return the function that writes it.
+    arguments of `render.film.prepare_film`, and return the function that writes it.
 
-    A page needs no Vulkan. Raises what `render.film.film` raises.
+    A page needs no Vulkan. Raises what `render.film.prepare_film` raises.
     """
     if path.suffix != ".html":
-        return pictures.film(path, runs, video, progress, span, labels, artist)
+        return pictures.prepare_film(path, runs, video, progress, span, labels, artist)
     check_runs(runs, labels)
     points = max(len(run.scenario.lattice.positions) for run in runs)
     wanted = round(video.fps * video.seconds)
@@ -165,7 +165,7 @@ def _marks(run: Run, times: Sequence[float]) -> list[list[Any]]:
     stands for."""
     marks = []
     for moment in ("contact", "greatest"):
-        t = time_of(moment, run.columns)
+        t = time_of(moment, run.series)
         if times[0] < t < times[-1]:
             marks.append([int(np.searchsorted(times, t)), MOMENTS[moment]])
     return marks
@@ -173,7 +173,7 @@ def _marks(run: Run, times: Sequence[float]) -> list[list[Any]]:
 
 def _titles(run: Run) -> list[str]:
     """Return the titles of the curves' panels, without units."""
-    labels = axis_labels(run.scenario, run.columns)
+    labels = axis_labels(run.scenario.words)
     return [label.split("  ")[0] for label in labels]
 
 
@@ -182,7 +182,7 @@ def _curves(states: Sequence[Recording]) -> list[dict[str, Any]]:
     a light and a dark ground, values."""
     found = []
     for number, one in enumerate(states):
-        columns = one.run.columns
+        columns = one.run.series
         for curve in curves(one.run.scenario, columns):
             if number and curve.panel == 2:
                 continue  # the energies of several runs would hide each other

@@ -18,7 +18,7 @@ from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.render import film_problem
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.text_files import read_text
-from taichi_disk.window.controls import Entry
+from taichi_disk.window.controls import Preset
 from taichi_disk.window.server import serve
 
 # part of a file in which a sweep is looked for [bytes]
@@ -72,7 +72,7 @@ def view(
         serve(playlist, host, port, open_browser=opens, origin=origin)
 
 
-def list_presets(first: Scene | None) -> list[Entry]:
+def list_presets(first: Scene | None) -> list[Preset]:
     """Return the scenes of playlist.yaml, `first` in front unless it is one of them."""
     path = Path(__file__).with_name("playlist.yaml")
     groups = yaml.safe_load(read_text(path))
@@ -81,17 +81,17 @@ def list_presets(first: Scene | None) -> list[Entry]:
         for scene, change, name, sentence, *pace in rows:
             load = partial(load_scene, scene, change.split())
             options = pace[0] if pace else {}
-            entries.append(Entry(name, sentence, load, group, **options))
+            entries.append(Preset(name, sentence, load, group, **options))
     if first is None:
         return entries
     opened = [entry for entry in entries if entry.load() == first]
     if not opened:
         name = first.title[0].upper() + first.title[1:]
-        opened = [Entry(name, "The scene that you opened.", lambda: first)]
+        opened = [Preset(name, "The scene that you opened.", lambda: first)]
     return opened + [entry for entry in entries if entry not in opened]
 
 
-def list_folder(path: Path) -> list[Entry]:
+def list_folder(path: Path) -> list[Preset]:
     """Return the scenes of a folder: the points of a sweep in their order, or else
     every scene in a YAML file.
 
@@ -105,7 +105,7 @@ def list_folder(path: Path) -> list[Entry]:
             " points/*.yaml)"
         )
     return [
-        Entry(one.stem, f"From {path}.", partial(load_scene, one)) for one in scenes
+        Preset(one.stem, f"From {path}.", partial(load_scene, one)) for one in scenes
     ]
 
 

@@ -123,7 +123,7 @@ def next_value(key: str, value: str) -> str:
     return values[(values.index(value) + 1) % len(values)]
 
 
-class Entry(NamedTuple):
+class Preset(NamedTuple):
     """A scene of the list: its name, one sentence about what to look for, the function
     that reads the scene, its group, the speed of time with which it begins [R/c per s],
     and whether its contacts pass in slow motion; None: as they were before."""
@@ -156,7 +156,7 @@ class Controls:
         reference: groups of keys and the meaning of each group, for a list of keys.
     """
 
-    def __init__(self, sandbox: Sandbox, playlist: list[Entry]) -> None:
+    def __init__(self, sandbox: Sandbox, playlist: list[Preset]) -> None:
         self.sandbox = sandbox
         self.playlist = playlist
         self.number = 0

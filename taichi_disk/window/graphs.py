@@ -64,7 +64,7 @@ class Graphs:
         return {
             "t": t,
             "values": values,
-            "motion": self._scenario.momentary_label,
+            "motion": self._scenario.words.momentary,
             "began": began,
         }
 
@@ -108,7 +108,7 @@ _EXCESS = 1.5
 _SMALLEST = 1e-6
 
 
-class Scales:
+class ScaleMaxima:
     """Scales of colours and arrows. They are estimated before a throw and stay; if they
     must grow, they double.
 

@@ -96,7 +96,7 @@ def experiment_of(segment: Segment) -> Experiment:
     points = scenario.lattice.disk_points
     numbers = scenario.result(segment.columns)
     return Experiment(
-        result=scenario.symbol,
+        result=scenario.words.symbol,
         value=next(iter(numbers.values())),
         load=value_of(scene, load_key(scene)),
         angle=value_of(scene, "impact.angle"),
@@ -267,13 +267,13 @@ class Sandbox:
     def _finish(self, segment: Segment) -> None:
         """Enter the result into the table, and begin the next experiment of a curve
         that is being collected."""
-        scenario = segment.scenario
+        words = segment.scenario.words
         experiment = experiment_of(segment)
         self.results = [*self.results, experiment][-MAX_RESULTS:]
         self.paused = True
         digits = printed(experiment.result, experiment.value)
-        unit = next(iter(scenario.labels.values()))[1]
-        text = f"{scenario.end_words}: {experiment.result} = {digits} {unit}".rstrip()
+        unit = next(iter(words.labels.values()))[1]
+        text = f"{words.end}: {experiment.result} = {digits} {unit}".rstrip()
         self.message = text
         if segment.label:
             self.message = f"{text}, {segment.label}"

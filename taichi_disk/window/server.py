@@ -26,7 +26,7 @@ from taichi_disk.errors import InputError
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window.audience import Audience
-from taichi_disk.window.controls import Entry
+from taichi_disk.window.controls import Preset
 from taichi_disk.window.door import Door, split_origin
 from taichi_disk.window.session import MAX_BYTES, Session
 
@@ -42,7 +42,7 @@ _NO_FILES_LEFT = (errno.EMFILE, errno.ENFILE)
 
 
 def serve(
-    playlist: list[Entry],
+    playlist: list[Preset],
     host: str = LOCAL_HOST,
     port: int = 0,
     open_browser: bool = False,

@@ -26,12 +26,12 @@ from taichi_disk.window.controls import (
     RANGES,
     REPEATING_KEYS,
     Controls,
-    Entry,
+    Preset,
     described,
     values_of,
 )
 from taichi_disk.window.films import Films
-from taichi_disk.window.graphs import CURVES, Graphs, Scales
+from taichi_disk.window.graphs import CURVES, Graphs, ScaleMaxima
 from taichi_disk.window.look import Look
 from taichi_disk.window.sandbox import Sandbox, load_key, printed, value_of
 
@@ -96,13 +96,13 @@ class Session:
         state: the last state, the binary message of a picture.
     """
 
-    def __init__(self, playlist: list[Entry], kernels: KernelCache) -> None:
+    def __init__(self, playlist: list[Preset], kernels: KernelCache) -> None:
         """Begin with the first scene of the list. Raises TaichiDiskError if it cannot
         be built."""
         self._program = engine.program()
         self.sandbox = Sandbox(playlist[0].load(), kernels)
         self.controls = Controls(self.sandbox, playlist)
-        self.scales = Scales(self.sandbox)
+        self.scales = ScaleMaxima(self.sandbox)
         self.graphs = Graphs(self.sandbox)
         self.films = Films(self.sandbox)
         self.texts: dict[str, str] = {}
@@ -112,7 +112,7 @@ class Session:
         self._pending: dict[Any, dict[str, Any]] = {}
         self._text_keys: dict[str, Any] = {}
         # what watchers see who have chosen another look
-        self._other_scales: dict[str, Scales] = {}
+        self._other_scales: dict[str, ScaleMaxima] = {}
         self._other_messages: dict[Look, dict[str, Any]] = {}
         hello = {
             "columns": [*INDEX],
@@ -177,7 +177,7 @@ class Session:
     def _messages_of(self, look: Look) -> dict[str, Any]:
         """Return the messages that depend on the look."""
         if look.colour not in self._other_scales:
-            self._other_scales[look.colour] = Scales(self.sandbox, look.colour)
+            self._other_scales[look.colour] = ScaleMaxima(self.sandbox, look.colour)
         scales = self._other_scales[look.colour]
         scene = self.sandbox.scene
         shown = replace(scene, video=replace(scene.video, **look._asdict()))
@@ -273,7 +273,7 @@ class Session:
             "start": self.sandbox.starts
         }
 
-    def _state(self, look: Look, scales: Scales) -> bytes:
+    def _state(self, look: Look, scales: ScaleMaxima) -> bytes:
         """Return the binary message of a picture, little-endian.
 
         HEADER holds the number, t since the hit began [R/c], points, forces, the point
@@ -317,10 +317,11 @@ class Session:
         lines = [*scenario.caption(time.display.values | {"t": t})]
         if time.segment.status == "finished" and time.lead == 0.0:
             result = next(iter(scenario.result(time.segment.columns).values()))
-            lines.append(f"*{scenario.symbol} = {printed(scenario.symbol, result)}")
+            symbol = scenario.words.symbol
+            lines.append(f"*{symbol} = {printed(symbol, result)}")
         return "\n".join(lines)
 
-    def _panel(self, look: Look, scales: Scales) -> dict[str, Any]:
+    def _panel(self, look: Look, scales: ScaleMaxima) -> dict[str, Any]:
         sandbox = self.sandbox
         controls = self.controls
         entry = controls.playlist[controls.number]
@@ -334,7 +335,7 @@ class Session:
             "name": entry.name,
             "sentence": entry.sentence,
             "number": controls.number,
-            "title": [*sandbox.time.display.segment.scenario.title()],
+            "title": [*sandbox.time.display.segment.scenario.words.title],
             "hint": self._hint(),
             "atStart": sandbox.at_start,
             "sliders": self._sliders(),
@@ -398,7 +399,7 @@ def _text(kind: str, content: dict[str, Any]) -> str:
     return json.dumps({"kind": kind} | content)
 
 
-def _card(entry: Entry) -> dict[str, Any]:
+def _card(entry: Preset) -> dict[str, Any]:
     """Return what the page's list shows of a scene; the numbers of its first state, for
     a small picture, only if the scene is one of the program's."""
     card: dict[str, Any] = {

@@ -24,8 +24,8 @@ from taichi_disk.render.palette import THEMES
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import contact_forces
-from taichi_disk.window.controls import REPEATING_KEYS, Controls, Entry
-from taichi_disk.window.graphs import Scales
+from taichi_disk.window.controls import REPEATING_KEYS, Controls, Preset
+from taichi_disk.window.graphs import ScaleMaxima
 from taichi_disk.window.sandbox import AIM_SCALE, Sandbox
 
 MAX_RATE = 75  # pictures per second: more are not visible, and cost
@@ -76,7 +76,7 @@ class Viewer:
     painter: Painter
 
     def __init__(
-        self, playlist: list[Entry], out: Path, max_rate: int = MAX_RATE
+        self, playlist: list[Preset], out: Path, max_rate: int = MAX_RATE
     ) -> None:
         """Open the window, which writes its files into `out`.
 
@@ -87,7 +87,7 @@ class Viewer:
         self._out = out.resolve()
         self.sandbox = Sandbox(playlist[0].load(), KernelCache())
         self.controls = Controls(self.sandbox, playlist)
-        self._scales = Scales(self.sandbox)
+        self._scales = ScaleMaxima(self.sandbox)
         add = self.controls.add
         add("i u", "closer, farther", self._zoom, 1.12, 1 / 1.12)
         add("BackSpace", "see everything", self.see_all)
@@ -202,7 +202,7 @@ class Viewer:
                     ]:
                         panel.text(part)
 
-            write(entry.name, *state.segment.scenario.title(), "")
+            write(entry.name, *state.segment.scenario.words.title, "")
             for key, label in _BUTTONS:
                 if panel.button(label):
                     controls.press(key)

@@ -152,7 +152,7 @@ def sample(settings: tuple[str, ...], lattices: int) -> list[dict[str, Any]]:
             found.append(
                 {
                     "settings": given,
-                    "end": float(outcome.columns["t"][-1]),
+                    "end": float(outcome.series["t"][-1]),
                     "limit": outcome.summary["dt_limit"],
                     "is_timed": seed == 0,
                 }

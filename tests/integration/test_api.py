@@ -21,6 +21,7 @@ import taichi_disk
 from taichi_disk import Lattice, Result, load_scene, load_sweep, run, run_sweep
 from taichi_disk.computation.diagnostics import BlowUp
 from taichi_disk.errors import InputError
+from taichi_disk.lattice import OwnStart
 from taichi_disk.machine import cores
 from taichi_disk.render.palette import LEVELS, colour_map
 
@@ -285,21 +286,21 @@ def test_titles_say_where_a_lattice_comes_from(tmp_path):
         from_file.scenario(),
     )
     origins = [
-        scenario.title()[-1].removeprefix("N = 60    ") for scenario in scenarios
+        scenario.words.title[-1].removeprefix("N = 60    ") for scenario in scenarios
     ]
     assert origins == ["seed 0", "seed 5", "custom lattice", "points.csv"]
-    thrown = scene.scenario(velocities=np.tile([0.0, -0.05], (60, 1)))
+    thrown = scene.scenario(own=OwnStart(None, np.tile([0.0, -0.05], (60, 1))))
     assert thrown.scene.lattice.velocities == "none"
     assert thrown.stored_scene.lattice.velocities == "lattice.npz"
     pressed = (
         load_scene("compression")
         .with_({"lattice.points": 60})
-        .scenario(velocities=np.full((60, 2), 1e-3))
+        .scenario(own=OwnStart(None, np.full((60, 2), 1e-3)))
     )
     assert all(
-        "own velocities" in scenario.title()[1] for scenario in (thrown, pressed)
+        "own velocities" in scenario.words.title[1] for scenario in (thrown, pressed)
     )
-    assert "own velocities" not in scenarios[0].title()[1]
+    assert "own velocities" not in scenarios[0].words.title[1]
 
 
 def test_what_cannot_be_computed_as_given_is_refused(result, tmp_path):
@@ -499,7 +500,7 @@ def test_a_lattice_file_gives_what_the_lattice_gives(tmp_path):
     )
     assert by_file.restitution == pytest.approx(by_array.restitution, rel=1e-12)
     assert by_file.lattice.disk_points == 60
-    assert "points.csv" in " ".join(by_file.scenario.title())
+    assert "points.csv" in " ".join(by_file.scenario.words.title)
 
     def removes(stage, done, total):
         (tmp_path / "copy.csv").unlink(missing_ok=True)

@@ -380,8 +380,8 @@ def test_the_energies_of_a_real_run_are_those_of_its_time_series(kernels, tmp_pa
         "wall.threshold=0.2",
     ]
     scenario, outcome = computed(kernels, "absorbing_wall", *changes, estimate=False)
-    rows = np.linspace(0, len(outcome.columns["t"]) - 1, 7).astype(int)
-    series = {name: values[rows] for name, values in outcome.columns.items()}
+    rows = np.linspace(0, len(outcome.series["t"]) - 1, 7).astype(int)
+    series = {name: values[rows] for name, values in outcome.series.items()}
     file = np.load(export_run(scenario, outcome.replay(series["t"]), tmp_path, "npz"))
     np.testing.assert_allclose(file["t"], series["t"], rtol=1e-12)
     for name in ("kinetic", "elastic", "wall"):

@@ -57,7 +57,7 @@ def run():
     outcome = compute(scenario)
     # The states are stored, so that tests may restart Taichi.
     # beyond the end, because films show the flight after it
-    times = np.linspace(0.0, 2.0 * outcome.columns["t"][-1], 800)
+    times = np.linspace(0.0, 2.0 * outcome.series["t"][-1], 800)
     states = list(outcome.replay(times))
     replay = lambda wanted: (states[int(np.abs(times - t).argmin())] for t in wanted)  # noqa: E731
     return replace(outcome, replay=replay, frames=replay)
@@ -105,7 +105,7 @@ def digests(files):
 
 
 def film(*arguments):
-    film_module.film(*arguments)()
+    film_module.prepare_film(*arguments)()
 
 
 def time_of(caption):
@@ -210,10 +210,8 @@ def test_the_disk_in_the_film_moves_as_its_centre_of_mass_does(
         QUIET,
     )
     times = np.array([time_of(one) for one in captions()])
-    series = run.columns
-    theme = THEMES["dark"]
-    assert len(times) == COUNT
-    assert (np.diff(times) >= 0.0).all()
+    series, theme = run.series, THEMES["dark"]
+    assert len(times) == COUNT and (np.diff(times) >= 0.0).all()
     # It flies before t = 0 and after the end, as high at both ends.
     assert times[0] < -1.0
     assert times[-1] > series["t"][-1] + 1.0
@@ -305,16 +303,15 @@ def test_the_film_holds_at_the_greatest_compression_and_ends_with_the_result(
     scenario = run.scenario
     outcome = run
     film(tmp_path / "film.mp4", [run], video(seconds=4), QUIET)
-    result = f"e = {scenario.result(outcome.columns)['restitution']:.4f}"
+    result = f"e = {scenario.result(outcome.series)['restitution']:.4f}"
     words = captions()
     _, end = contact_of(run)
     assert [one.result for one in words[-7:]] == 7 * [result]
     for one in words:
         assert one.result == (result if time_of(one) >= end else "")
     held = [one.time for one in words if one.note == "greatest compression"]
-    peak = outcome.columns["t"][outcome.columns["elastic"].argmax()]
-    assert len(held) >= 2
-    assert set(held) == {f"t = {peak:.2f} R/c"}
+    peak = outcome.series["t"][outcome.series["elastic"].argmax()]
+    assert len(held) >= 2 and set(held) == {f"t = {peak:.2f} R/c"}
     pictures = iio.imread(tmp_path / "film.mp4").astype(int)
     # nothing moves at the end
     assert np.abs(pictures[-1] - pictures[-4])[60:].mean() < 1.0
@@ -346,7 +343,7 @@ def test_a_single_picture_is_of_the_greatest_compression(
     run, tmp_path, captions, colour, theme
 ):
     film(tmp_path / "picture.png", [run], video(colour=colour, theme=theme), QUIET)
-    series = run.columns
+    series = run.series
     assert time_of(captions()[0]) == pytest.approx(
         series["t"][series["elastic"].argmax()], abs=0.1
     )
@@ -392,7 +389,7 @@ def test_runs_side_by_side_are_named_by_what_sets_them_apart():
 @needs_vulkan
 @pytest.mark.parametrize(("at", "t"), [("contact", None), ("end", None), (1.5, 1.5)])
 def test_a_picture_is_of_the_moment_asked_for(run, tmp_path, captions, at, t):
-    series = run.columns
+    series = run.series
     touches = series["t"][
         np.argmax(series["wall_force"] > 0.01 * series["wall_force"].max())
     ]
@@ -415,7 +412,7 @@ def test_a_part_of_a_film_begins_and_ends_where_asked_at_the_pace_of_the_whole(
         Span(start="contact", end="greatest"),
     )
     times = times_of(captions())
-    series = run.columns
+    series = run.series
     assert times[0] == pytest.approx(time_in("contact", series), abs=0.006)
     assert times[-1] == pytest.approx(greatest_compression(series), abs=0.006)
     assert len(times) == 20
@@ -568,9 +565,8 @@ def test_the_panel_s_curves_are_coloured_up_to_now_and_show_the_time_series(
     assert len(times) >= 3
     slope, _ = np.polyfit(times, columns, 1)
     offsets = np.array(columns) - slope * np.array(times)
-    assert np.ptp(offsets) < 3.0
-    assert np.ptp(columns) > 100
-    v = np.interp(times, run.columns["t"], run.columns["com_vy"])
+    assert np.ptp(offsets) < 3.0 and np.ptp(columns) > 100
+    v = np.interp(times, run.series["t"], run.series["com_vy"])
     # Rows are linear in v.
     fit = np.polyval(np.polyfit(v, rows, 1), v)
     assert rows == pytest.approx(fit, abs=3.0)
@@ -822,7 +818,7 @@ def test_a_film_without_flight_shows_the_run_alone(run, tmp_path, captions):
     film(tmp_path / "film", [run], video(flight=0), QUIET)
     times = times_of(captions())
     assert times[0] == 0.0
-    assert times[-1] == pytest.approx(run.columns["t"][-1], abs=0.006)
+    assert times[-1] == pytest.approx(run.series["t"][-1], abs=0.006)
 
 
 @pytest.mark.parametrize(
@@ -859,7 +855,7 @@ def test_velocities_of_the_user_s_own_have_no_flight():
     scene = load_scene("exponential_wall", ["lattice.points=60"])
     outcome = api.run(scene, velocities=velocities, lattices=1)
     flight = Flight.of(outcome, 0.33)
-    assert (flight.start, flight.end) == (0.0, outcome.columns["t"][-1])
+    assert (flight.start, flight.end) == (0.0, outcome.series["t"][-1])
 
 
 def test_labels_replace_titles_one_for_each_run(run, tmp_path):

@@ -27,7 +27,7 @@ from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window import server
 from taichi_disk.window.audience import Audience
-from taichi_disk.window.controls import Entry
+from taichi_disk.window.controls import Preset
 from taichi_disk.window.door import Door
 from taichi_disk.window.session import HEADER, MAX_BYTES, Session
 from tests.browser import MISSING, Browser
@@ -43,7 +43,7 @@ Act = Callable[[int], Awaitable[None]]  # what visitors do, given the port
 
 @pytest.fixture
 def audience(kernels: KernelCache) -> Audience:
-    entry = Entry("bounce", "Look.", partial(load_scene, "exponential_wall", SETTINGS))
+    entry = Preset("bounce", "Look.", partial(load_scene, "exponential_wall", SETTINGS))
     return Audience(Session([entry] * 2, kernels))
 
 
@@ -398,7 +398,7 @@ def test_a_browser_in_the_foreground_does_not_hold_up_the_server(
 
     monkeypatch.setattr(server.webbrowser, "open", browse)
     monkeypatch.setattr(server, "run", serving)
-    entry = Entry("bounce", "Look.", partial(load_scene, "exponential_wall", SETTINGS))
+    entry = Preset("bounce", "Look.", partial(load_scene, "exponential_wall", SETTINGS))
     server.serve([entry], open_browser=True)
     assert not is_closed.is_set() and opened[0] in capfd.readouterr().out
     is_closed.set()

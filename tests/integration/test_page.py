@@ -36,7 +36,7 @@ from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import colour_values
 from taichi_disk.window.app import list_folder, list_presets
 from taichi_disk.window.audience import Audience
-from taichi_disk.window.controls import CHOICES, RANGES, Entry
+from taichi_disk.window.controls import CHOICES, RANGES, Preset
 from taichi_disk.window.door import Door, split_origin
 from taichi_disk.window.graphs import CURVES
 from taichi_disk.window.session import HEADER, Session, read_command
@@ -60,7 +60,7 @@ def session(kernels: KernelCache) -> Session:
         ("compression", SETTINGS[:1]),
     ]
     return Session(
-        [Entry(name, "Look.", partial(load_scene, name, own)) for name, own in scenes],
+        [Preset(name, "Look.", partial(load_scene, name, own)) for name, own in scenes],
         kernels,
     )
 
@@ -440,7 +440,7 @@ def test_picture_and_curves_stay_while_the_scene_is_computed_again(
         "wall.a=3000",
         "impact.velocity=0.1",
     ]
-    entry = Entry("hard", "Look.", partial(load_scene, "exponential_wall", hard))
+    entry = Preset("hard", "Look.", partial(load_scene, "exponential_wall", hard))
     session = Session([entry], kernels)
     say(session, "speed", value=3.0)
     say(session, "press", key="space")
@@ -476,7 +476,7 @@ def test_a_curve_is_collected_by_itself_and_stops_when_asked(session: Session) -
     )
     scenario = scene.scenario()
     outcome = compute(scenario)
-    assert first["value"] == scenario.primary(outcome.columns)[1]  # in all digits
+    assert first["value"] == scenario.primary(outcome.series)[1]  # in all digits
     say(session, "collect")
     assert not session.sandbox.remaining_loads
     while not panel(session)["paused"]:
@@ -907,7 +907,7 @@ def test_the_page_opens_obeys_and_computes_what_run_does(
     scene = load_scene(browser.yaml(tmp_path / "scene.yaml"))
     browser.click("drop")
     scenario = scene.scenario()
-    e = scenario.primary(compute(scenario).columns)[1]
+    e = scenario.primary(compute(scenario).series)[1]
     result = browser.wait(lambda: (found := browser.results()) and found[0], 60.0)
     assert result["value"] == e and result["disturbance"] == ""
 
@@ -1426,5 +1426,5 @@ def test_every_scene_of_the_list_ends_as_run_does_after_random_events(
     assert sandbox.time.segment.control.attempt == 1
     scenario = entries[number].load().scenario()
     outcome = compute(scenario, estimate=False)
-    expected = scenario.primary(outcome.columns)[1]
+    expected = scenario.primary(outcome.series)[1]
     assert [one.value for one in sandbox.results] == [expected]

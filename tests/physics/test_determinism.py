@@ -26,15 +26,15 @@ def test_scenes_give_the_same_bits_again_in_any_order(kernels):
         assert_array_equal(result.positions, other.positions)
         assert_array_equal(result.velocities, other.velocities)
         assert result.summary == other.summary
-        for name, column in result.columns.items():
-            assert_array_equal(column, other.columns[name], err_msg=name)
+        for name, column in result.series.items():
+            assert_array_equal(column, other.series[name], err_msg=name)
 
 
 def test_replayed_moments_are_those_of_the_run_whatever_the_kernels_do_meanwhile(
     kernels,
 ):
     _, outcome = computed(kernels, *IMPACT)
-    columns = outcome.columns
+    columns = outcome.series
     rows = np.array([0, 3, 3, len(columns["t"]) // 2, len(columns["t"]) - 1])
     # `replay` uses the nearest steps
     times = columns["t"][rows] - 0.4 * outcome.summary["dt"]

@@ -148,11 +148,10 @@ def test_an_impact_that_slides_over_the_smooth_surface_converges_with_order_2(ke
             )
             for step in steps
         ]
-        slid = [np.abs(outcome.columns["sliding"]).max() for _, outcome in runs]
+        slid = [np.abs(outcome.series["sliding"]).max() for _, outcome in runs]
         assert min(slid) > 1e-8 if contact == "springs" else max(slid) == 0.0
         e[contact] = [
-            scenario.result(outcome.columns)["restitution"]
-            for scenario, outcome in runs
+            scenario.result(outcome.series)["restitution"] for scenario, outcome in runs
         ]
     first, second, third = e["smooth"]
     assert (first - second) / (second - third) == pytest.approx(4.0, abs=0.1)
@@ -170,5 +169,5 @@ def test_a_surface_of_two_points_is_one_spring_for_either_contact(kernels):
             kernels, *settings, f"wall.contact={contact}", estimate=False
         )
         assert len(scenario.lattice.wall_surface) == 2
-        found.append(scenario.result(outcome.columns)["restitution"])
+        found.append(scenario.result(outcome.series)["restitution"])
     assert found[0] == found[1] > 0.8

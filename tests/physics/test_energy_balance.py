@@ -68,8 +68,7 @@ def imbalance(columns):
 )
 def test_energy_is_accounted_for_at_the_automatic_step(scene, kernels):
     _, outcome = computed(kernels, *scene, estimate=False)
-    columns = outcome.columns
-    energy = outcome.summary["energy"]
+    columns, energy = outcome.series, outcome.summary["energy"]
     assert_allclose(
         columns["total"],
         np.sum([columns[name] for name in ENERGIES], axis=0),

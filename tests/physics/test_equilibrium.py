@@ -158,7 +158,7 @@ def test_it_does_not_matter_how_the_lattice_is_turned_when_it_is_put_down():
         scenario = scene.scenario(
             replace(lattice, positions=turned(lattice.positions, angle))
         )
-        found.append(scenario.result(compute(scenario, loads=1).columns)["xi"])
+        found.append(scenario.result(compute(scenario, loads=1).series)["xi"])
     assert found == pytest.approx([found[0]] * 3, rel=1e-9)
 
 
@@ -174,11 +174,12 @@ def loading():
 
 def test_every_row_of_a_loading_is_an_equilibrium_of_plain_numpy(loading):
     _, scenario, outcome = loading
-    lattice = scenario.lattice
-    columns = outcome.columns
-    assert 0.0 < columns["t"][0] < 0.01
-    assert columns["t"][-1] == 1.0
-    assert (np.diff(columns["t"]) > 0.0).all()
+    lattice, columns = scenario.lattice, outcome.series
+    assert (
+        0.0 < columns["t"][0] < 0.01
+        and columns["t"][-1] == 1.0
+        and (np.diff(columns["t"]) > 0.0).all()
+    )
     for row, (t, x, v) in enumerate(outcome.replay(columns["t"])):
         assert t == columns["t"][row]
         assert not v.any()
@@ -218,12 +219,13 @@ def test_the_load_s_work_is_stored_and_the_potential_s_slope_is_the_centre_s_hei
     )
     off = []
     for loads in (24, 96):
-        columns = compute(scene.scenario(), loads=loads).columns
-        force = P * columns["t"]
-        y = columns["com_y"]
-        stored = columns["elastic"] + columns["wall"]
-        work = trapezoid(force, -y)
-        potential = trapezoid(y, force)
+        columns = compute(scene.scenario(), loads=loads).series
+        force, y, stored = (
+            P * columns["t"],
+            columns["com_y"],
+            columns["elastic"] + columns["wall"],
+        )
+        work, potential = trapezoid(force, -y), trapezoid(y, force)
         off.append(
             (
                 abs(work / np.ptp(stored) - 1.0),
@@ -240,8 +242,7 @@ def test_each_load_of_a_loading_compresses_as_much_as_a_run_under_that_load_alon
     loading, row
 ):
     scene, _, outcome = loading
-    part = outcome.columns["t"][row]
-    found = outcome.columns["xi"][row]
+    part, found = outcome.series["t"][row], outcome.series["xi"][row]
     alone = scene.with_({"compression.pressure": float(part * P)}).scenario()
     # and lies as it would then
     assert abs(alone.rest.roll - loading[1].rest.roll) > 0.05
@@ -250,8 +251,7 @@ def test_each_load_of_a_loading_compresses_as_much_as_a_run_under_that_load_alon
 
 def test_a_state_at_any_load_is_an_equilibrium_and_a_film_s_is_near_it(loading):
     _, scenario, outcome = loading
-    columns = outcome.columns
-    asked = np.array([0.0, 0.4, 0.5, 1.0])
+    columns, asked = outcome.series, np.array([0.0, 0.4, 0.5, 1.0])
     for (t, x, _), (same, drawn, _) in zip(
         outcome.replay(asked), outcome.frames(asked), strict=True
     ):
@@ -271,11 +271,13 @@ def test_a_state_at_any_load_is_an_equilibrium_and_a_film_s_is_near_it(loading):
 def test_the_rest_under_the_full_load_alone_is_bitwise_that_of_the_loading(loading):
     scene, scenario, outcome = loading
     alone = compute(scene.scenario(), loads=1)
-    assert np.array_equal(alone.positions, outcome.positions)
-    assert alone.summary == outcome.summary
-    assert scenario.result(alone.columns) == scenario.result(outcome.columns)
-    assert {name: values[-1] for name, values in outcome.columns.items()} == {
-        name: values[0] for name, values in alone.columns.items()
+    assert (
+        np.array_equal(alone.positions, outcome.positions)
+        and alone.summary == outcome.summary
+    )
+    assert scenario.result(alone.series) == scenario.result(outcome.series)
+    assert {name: values[-1] for name, values in outcome.series.items()} == {
+        name: values[0] for name, values in alone.series.items()
     }
 
 
@@ -301,8 +303,10 @@ def test_relaxation_comes_to_newtons_rest(settings, rolls, kernels):
         scenario = replace(scenario, lattice=placed)
     start = scenario.lattice.positions
     outcome = compute(scenario)
-    values = scenario.result(outcome.columns)
-    rest = solve_equilibrium(lattice, model, lattice.positions)
+    values, rest = (
+        scenario.result(outcome.series),
+        solve_equilibrium(lattice, model, lattice.positions),
+    )
     assert abs(rest.roll) < 1e-6
     # The remaining difference is the end of the roll.
     assert values["xi"] == pytest.approx(xi(lattice, rest.positions), rel=2e-5)
@@ -335,7 +339,7 @@ def test_a_compression_within_a_tolerance_ends_as_near_to_newtons_rest(kernels):
     ]
     settings += ["material.k_a=0.76", "material.eta_star=68"]
     loose, early = computed(kernels, "compression", *settings)
-    off = loose.end_truncation_error(early.columns)
+    off = loose.end_truncation_error(early.series)
     assert (
         off > 1e-7 and 1.05 * off < early.summary["error_estimate"]["xi"] < 1.5 * off
     )  # Newton's rest is rounded, too
@@ -346,21 +350,21 @@ def test_a_compression_within_a_tolerance_ends_as_near_to_newtons_rest(kernels):
     rest = solve_equilibrium(
         scenario.lattice, scenario.model, scenario.lattice.positions
     ).positions
-    assert scenario.result(outcome.columns)["xi"] == pytest.approx(
+    assert scenario.result(outcome.series)["xi"] == pytest.approx(
         xi(scenario.lattice, rest), abs=1e-7
     )
-    assert scenario.time_to_end(outcome.columns) == 0.0
-    assert scenario.time_to_end(early.columns) > 0.0
+    assert scenario.time_to_end(outcome.series) == 0.0
+    assert scenario.time_to_end(early.series) > 0.0
     # Once the disk is at rest, the end is checked at every row, not after another
     # settling time.
     assert (
         0.0
-        < outcome.columns["t"][-1] - early.columns["t"][-1]
+        < outcome.series["t"][-1] - early.series["t"][-1]
         < 0.5 * scenario.quiet_time
     )
     assert re.search(
         r"xi still differs .* from that of Newton's.*time\.tolerance",
-        scenario.unfinished(early.columns),
+        scenario.unfinished(early.series),
     )
 
 
@@ -390,7 +394,7 @@ def test_springs_that_are_strained_without_a_load_rest_before_xi_counts(
     for lattice in (strained, Lattice.from_points(1.01 * disk.positions)):
         scenario = scene.scenario(lattice)
         outcome = compute(scenario, estimate=False)
-        found.append(scenario.result(outcome.columns)["xi"])
+        found.append(scenario.result(outcome.series)["xi"])
     assert found[0] == pytest.approx(found[1], rel=1e-6)
 
 
@@ -404,7 +408,7 @@ def test_xi_keeps_its_sign():
     rest, unloaded = (
         lattice.positions[:, 1] for lattice in (scenario.rest, scenario.lattice)
     )
-    columns = compute(scenario).columns
+    columns = compute(scenario).series
     difference = (unloaded.mean() - unloaded.min()) - (rest.mean() - rest.min())
     assert scenario.result(columns)["xi"] == pytest.approx(difference, rel=1e-9)
     assert difference < 0.0

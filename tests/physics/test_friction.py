@@ -32,7 +32,7 @@ def impact(kernels, *settings, **options):
     scenario, outcome = computed(
         kernels, "exponential_wall", *settings, estimate=False, **options
     )
-    return scenario, outcome, scenario.result(outcome.columns)
+    return scenario, outcome, scenario.result(outcome.series)
 
 
 def inertia(scenario):
@@ -56,11 +56,8 @@ def test_spin_and_sideways_velocity_change_by_just_what_the_wall_does(throw, ker
     # changes the angular momentum. (The start is so far away that the half force of the
     # first step is negligible.)
     scenario, outcome, found = impact(kernels, *throw, *ROWS, "impact.gap=0.11")
-    columns = outcome.columns
-    h = outcome.summary["dt"]
-    wall = scenario.model.wall
-    torque = 0.0
-    push = 0.0
+    columns, h = outcome.series, outcome.summary["dt"]
+    wall, torque, push = scenario.model.wall, 0.0, 0.0
     for _, x, v in outcome.replay(columns["t"]):
         normal = wall.a * wall.V0 * np.exp(-wall.a * x[:, 1])
         _, both = wall.contact_forces(scenario.lattice, x, v, scenario.model.springs)
@@ -138,7 +135,7 @@ def test_a_throw_and_its_mirror_image_are_mirror_images(kernels):
         scenario = case.scenario(lattice)
         runs.append(compute(scenario, estimate=False))
     assert_array_equal(runs[0].positions * [-1.0, 1.0], runs[1].positions)
-    assert runs[0].columns["com_vx"][-1] != 0.0
+    assert runs[0].series["com_vx"][-1] != 0.0
 
 
 @pytest.mark.validate
@@ -151,8 +148,10 @@ def test_a_frictionless_throw_at_an_angle_equals_that_of_dop853(kernels):
         "impact.velocity=0.03",
     )
     scenario, outcome, found = impact(kernels, *settings)
-    solver = reference.Model(scenario.lattice, scenario.model)
-    end = outcome.columns["t"][-1]
+    solver, end = (
+        reference.Model(scenario.lattice, scenario.model),
+        outcome.series["t"][-1],
+    )
     x, v = solver.solve(
         scenario.lattice.positions, scenario.velocities, (0.0, end), rtol=1e-10
     )[-1]
@@ -162,7 +161,7 @@ def test_a_frictionless_throw_at_an_angle_equals_that_of_dop853(kernels):
     assert found["restitution"] == pytest.approx(
         v_cm[1] / (0.03 * np.cos(0.8)), abs=2e-5
     )
-    assert outcome.columns["angular_momentum"][-1] / inertia(scenario) == pytest.approx(
+    assert outcome.series["angular_momentum"][-1] / inertia(scenario) == pytest.approx(
         spin, abs=1e-6
     )
     assert v_cm[0] == pytest.approx(-0.03 * np.sin(0.8), abs=1e-12)
@@ -302,7 +301,7 @@ def test_a_disk_that_spins_fast_enough_leaves_the_other_way(kernels):
     _, outcome, found = impact(
         kernels, *SMALL, "impact.angle=0.3", "impact.spin=0.2", "wall.friction=0.5"
     )
-    assert outcome.columns["com_vx"][0] > 0.0 > outcome.columns["com_vx"][-1]
+    assert outcome.series["com_vx"][0] > 0.0 > outcome.series["com_vx"][-1]
     assert found["spin_after"] < 0.2
 
 
@@ -340,8 +339,7 @@ def test_a_disk_flying_sideways_meets_the_middle_of_an_elastic_wall(angle, kerne
     scenario, outcome = computed(
         kernels, "absorbing_wall", *wall, *thrown, estimate=False
     )
-    columns = outcome.columns
-    found = scenario.result(outcome.columns)
+    columns, found = outcome.series, scenario.result(outcome.series)
     first = int(np.argmax(columns["wall_force"] > 0.01 * columns["wall_force"].max()))
     assert abs(columns["com_x"][first]) < 0.11
     assert abs(columns["com_x"][0]) > 1.2
@@ -384,7 +382,7 @@ def test_the_stiffer_an_elastic_wall_the_nearer_it_is_to_the_rigid_one(kernels):
         scenario, outcome = computed(
             kernels, "absorbing_wall", *thrown, *wall, f"wall.k_a={k_a}", estimate=False
         )
-        found = scenario.result(outcome.columns)
+        found = scenario.result(outcome.series)
         off.append(
             [abs(found[name] - rigid[name]) for name in ("restitution", "spin_after")]
         )
@@ -419,13 +417,13 @@ def test_results_along_the_wall_do_not_depend_on_how_far_from_it_the_run_ends(ke
         scenario, outcome, numbers = impact(
             kernels, *throw, "impact.velocity=0.05", f"impact.gap={gap}"
         )
-        left = summary(scenario, split(outcome.columns, scenario.lattice.inertia))[
+        left = summary(scenario, split(outcome.series, scenario.lattice.inertia))[
             "vibration_left"
         ]
         found.append([numbers["spin_after"], numbers["tangential_restitution"], left])
         messages = [
             text
-            for text in warnings(scenario, outcome.columns)
+            for text in warnings(scenario, outcome.series)
             if "after the contact" in text
         ]
         assert len(messages) == 1
@@ -443,7 +441,7 @@ def test_a_warning_says_that_dashpots_took_one_per_cent_of_a_spin(
     scenario, outcome, _ = impact(kernels, *SMALL, *spinning)
     found = [
         text
-        for text in warnings(scenario, outcome.columns)
+        for text in warnings(scenario, outcome.series)
         if "angular momentum" in text
     ]
     assert len(found) == is_warned

@@ -14,7 +14,7 @@ from numpy.testing import assert_array_equal
 from taichi_disk.computation.contact import contact_interval
 from taichi_disk.computation.outcome import compute
 from taichi_disk.integrators import INTEGRATORS, TRAPEZOIDAL, VELOCITY_VERLET
-from taichi_disk.lattice import Lattice, bulk_moduli
+from taichi_disk.lattice import Lattice, OwnStart, bulk_moduli
 from taichi_disk.scenes import load_scene
 
 LONG = pytest.mark.validate
@@ -56,8 +56,7 @@ def test_restitution_and_contact_time_equal_those_of_dop853(
         "time.sample_interval=0.02",
     )
     scenario, outcome = computed(kernels, "exponential_wall", *settings)
-    values = scenario.result(outcome.columns)
-    end = outcome.columns["t"][-1]
+    values, end = scenario.result(outcome.series), outcome.series["t"][-1]
     # until the wall's last potential is energy of the flight
     end += 8.0 / (scenario.model.wall.a * velocity)
     e, duration = reference_impact(scenario, end)
@@ -69,7 +68,7 @@ def test_restitution_and_contact_time_equal_those_of_dop853(
     # The times of the reference have a resolution of 1/4000 of the run.
     assert values["contact_time"] == pytest.approx(duration, abs=2 * end / 4000)
     assert values["restitution"] == pytest.approx(
-        outcome.columns["com_vy"][-1] / velocity, abs=1e-5
+        outcome.series["com_vy"][-1] / velocity, abs=1e-5
     )
 
 
@@ -81,7 +80,7 @@ def test_a_viscosity_is_that_of_the_body_and_eta_star_that_of_a_point(kernels):
             for seed in range(3)
         )
         runs = [compute(scene.scenario(), estimate=False) for scene in scenes]
-        return np.array([run.columns["com_vy"][-1] for run in runs]) / 0.02
+        return np.array([run.series["com_vy"][-1] for run in runs]) / 0.02
 
     eta = {"viscosity": 10.0 / 1099}
     few = thrown(300, **eta)
@@ -102,7 +101,7 @@ def reset_impact(kernels, points, *settings):
     scenario, outcome = computed(
         kernels, "absorbing_wall", *small, "wall.reset_interval=0.02", *settings
     )
-    return scenario, outcome, scenario.result(outcome.columns)["restitution"]
+    return scenario, outcome, scenario.result(outcome.series)["restitution"]
 
 
 @pytest.mark.validate
@@ -114,9 +113,11 @@ def test_an_automatic_step_resolves_the_vibrations_excited_by_resets_with_dashpo
         own = (f"material.eta_star={eta_star}", f"time.integrator={integrator.name}")
         scenario, outcome, found = reset_impact(kernels, points, *own)
         if integrator is VELOCITY_VERLET:
-            model = reference.Model(scenario.lattice, scenario.model)
-            start = scenario.lattice.positions
-            end = outcome.columns["t"][-1]
+            model, start = (
+                reference.Model(scenario.lattice, scenario.model),
+                scenario.lattice.positions,
+            )
+            end = outcome.series["t"][-1]
             _, v = model.solve_with_resets(
                 start, scenario.velocities, end, 0.02, rtol=1e-8
             )
@@ -144,9 +145,9 @@ def test_a_spin_that_strong_dashpots_damp_is_no_blow_up_and_e_is_that_of_dop853(
         "impact.velocity=0.02",
     )
     scenario, outcome = computed(kernels, "exponential_wall", *settings)
-    e, _ = reference_impact(scenario, outcome.columns["t"][-1])
+    e, _ = reference_impact(scenario, outcome.series["t"][-1])
     error = outcome.summary["error_estimate"]["restitution"]
-    assert abs(scenario.result(outcome.columns)["restitution"] - e) < error < 1e-4
+    assert abs(scenario.result(outcome.series)["restitution"] - e) < error < 1e-4
     assert outcome.summary["energy"]["scale"] == pytest.approx(
         0.5 * (scenario.velocities**2).sum() / 20, rel=1e-12
     )
@@ -155,8 +156,10 @@ def test_a_spin_that_strong_dashpots_damp_is_no_blow_up_and_e_is_that_of_dop853(
 def test_custom_velocities_give_the_run_of_a_scene_with_their_speed(kernels):
     fast = load_scene("exponential_wall", ["lattice.points=40", "impact.velocity=0.5"])
     scene = fast.scenario()
-    own = fast.with_(velocity=0.01).scenario(velocities=scene.velocities.copy())
-    columns = [compute(case, estimate=False).columns for case in (own, scene)]
+    own = fast.with_(velocity=0.01).scenario(
+        own=OwnStart(None, scene.velocities.copy())
+    )
+    columns = [compute(case, estimate=False).series for case in (own, scene)]
     assert own.result(columns[0]) == scene.result(columns[1])
     assert_array_equal(columns[0]["wall_force"], columns[1]["wall_force"])
 
@@ -181,7 +184,7 @@ def test_a_spinning_custom_body_bounces_as_in_dop853(kernels):
     scene = load_scene("exponential_wall", [*settings, "time.safety=0.03"])
     scenario = scene.scenario(Lattice.from_points(plain.positions, plain.bonds, rest))
     assert np.ptp(scenario.lattice.rest_lengths) > 0.005
-    columns = compute(scenario, estimate=False).columns
+    columns = compute(scenario, estimate=False).series
     e, _ = reference_impact(scenario, columns["t"][-1])
     assert scenario.result(columns)["restitution"] == pytest.approx(e, abs=1e-5)
     assert np.ptp(columns["angular_momentum"]) > 1e-4
@@ -279,8 +282,9 @@ def test_a_flight_along_the_rigid_wall_changes_nothing(kernels):
     scene = load_scene("exponential_wall", ["lattice.points=60"])
     ends = []
     for along in (0.0, 0.2):
-        scenario = scene.scenario(velocities=scene.scenario().velocities + [along, 0.0])
-        columns = compute(scenario, estimate=False).columns
+        velocities = scene.scenario().velocities + [along, 0.0]
+        scenario = scene.scenario(own=OwnStart(None, velocities))
+        columns = compute(scenario, estimate=False).series
         ends.append((columns["t"][-1], columns["com_vy"][-1]))
     assert ends[1] == pytest.approx(ends[0], rel=1e-6)
 
@@ -289,9 +293,11 @@ def assert_has_left(kernels, name, *settings):
     """Run on for as long again, and check that the disk never touches the wall and
     flies as fast as `run` says."""
     scenario, outcome = computed(kernels, name, *settings)
-    columns = outcome.columns
-    steps = outcome.summary["steps"]
-    integrator = INTEGRATORS[outcome.summary["integrator"]]
+    columns, steps, integrator = (
+        outcome.series,
+        outcome.summary["steps"],
+        INTEGRATORS[outcome.summary["integrator"]],
+    )
     end = replace(scenario.lattice, positions=outcome.positions)
     simulation = kernels.simulation(
         end, scenario.model, integrator, outcome.velocities, outcome.summary["dt"]
@@ -335,7 +341,7 @@ def test_on_a_hard_wall_contact_lasts_as_long_as_hertz_says(kernels):
         2 * np.sum(-np.diff(v) / (0.5 * (force[1:] + force[:-1])))
         + 2 * xi[0] / scenario.velocity
     )
-    assert scenario.result(outcome.columns)["contact_time"] == pytest.approx(
+    assert scenario.result(outcome.series)["contact_time"] == pytest.approx(
         duration, rel=0.08
     )
 
@@ -357,11 +363,11 @@ def test_the_contact_time_on_a_hard_wall_does_not_depend_on_the_rows(kernels):
         scenario, outcome = computed(
             kernels, "exponential_wall", *settings, estimate=False
         )
-        found[rows] = scenario.result(outcome.columns)["contact_time"]
+        found[rows] = scenario.result(outcome.series)["contact_time"]
     assert found["auto"] == pytest.approx(found["1e-6"], rel=1e-3)
-    every = round(0.05 / outcome.columns["t"][1])
+    every = round(0.05 / outcome.series["t"][1])
     start, end = contact_interval(
-        *(outcome.columns[name][::every] for name in ("t", "wall_force", "com_vy"))
+        *(outcome.series[name][::every] for name in ("t", "wall_force", "com_vy"))
     )
     assert end - start != pytest.approx(found["1e-6"], rel=3e-3)
 

@@ -46,7 +46,7 @@ def restitution(kernels, *settings):
     scenario, outcome = computed(
         kernels, "absorbing_wall", *WALL, *settings, estimate=False
     )
-    return scenario.result(outcome.columns)["restitution"]
+    return scenario.result(outcome.series)["restitution"]
 
 
 @pytest.mark.validate

@@ -9,7 +9,7 @@ import pytest
 
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import KernelCache
-from taichi_disk.window.controls import MIN_VISCOSITY, REPEATING_KEYS, Controls, Entry
+from taichi_disk.window.controls import MIN_VISCOSITY, REPEATING_KEYS, Controls, Preset
 from taichi_disk.window.sandbox import Sandbox
 
 
@@ -17,7 +17,7 @@ from taichi_disk.window.sandbox import Sandbox
 def controls(kernels: KernelCache) -> Controls:
     speeds = (0.02, 0.05)
     playlist = [
-        Entry(
+        Preset(
             f"v = {v}",
             "",
             partial(

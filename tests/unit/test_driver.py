@@ -175,7 +175,7 @@ def test_triangles_are_counted_over_the_whole_contact(kernels):
     )
     scenario, outcome = computed(kernels, *folding)
     assert outcome.summary["inverted_triangles"] == 4
-    greatest = greatest_compression(outcome.columns)
+    greatest = greatest_compression(outcome.series)
     (state,) = outcome.replay(np.array([greatest]))
     assert inverted_triangles(scenario.lattice, state.positions) == 0
 
@@ -201,7 +201,7 @@ def test_rows_follow_the_surface_of_a_fast_spin_on_a_slow_flight(kernels):
     assert errors["spin_after"] < 1e-4
     finer = f"time.sample_interval={scenario.row_interval / 4}"
     _, closer = computed(kernels, *settings, finer, estimate=False)
-    numbers = scenario.result(closer.columns)
+    numbers = scenario.result(closer.series)
     for name in ("contact_time", "spin_after"):
         error = abs(numbers[name] - outcome.summary[name])
         assert error <= errors[name], name

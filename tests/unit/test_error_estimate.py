@@ -92,7 +92,7 @@ def truth(kernels, *settings):
     """Return e with steps so short that the error, of order 4, is below 1e-7."""
     fine = ("time.integrator=vefrl", "time.safety=0.05")
     scenario, outcome = computed(kernels, *settings, *fine, estimate=False)
-    return scenario.result(outcome.columns)["restitution"]
+    return scenario.result(outcome.series)["restitution"]
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_every_result_has_an_estimate_that_holds_where_errors_are_no_power_of_th
     # estimate in the first two scenes; with only half the step it was 13 and 2.3 times
     # the estimate in the others.
     scenario, outcome = computed(kernels, *settings)
-    found = error_estimate.measured(scenario, outcome.columns)
+    found = error_estimate.measured(scenario, outcome.series)
     errors = outcome.summary["error_estimate"]
     assert next(iter(errors)) == "restitution"
     assert set(errors) == set(found)
@@ -131,7 +131,7 @@ def test_every_result_has_an_estimate_that_holds_where_errors_are_no_power_of_th
     scenario, outcome = computed(kernels, *settings, *fine, estimate=False)
     true = {
         name: abs(found[name] - value)
-        for name, value in error_estimate.measured(scenario, outcome.columns).items()
+        for name, value in error_estimate.measured(scenario, outcome.series).items()
     }
     for name, error in true.items():
         assert error <= errors[name] + 1e-13, name
@@ -164,8 +164,8 @@ def test_the_estimate_of_the_contact_time_holds_when_half_of_the_rows_agree_by_c
     )
     _, closer = computed(kernels, *settings, *fine, estimate=False)
     error = abs(
-        scenario.result(outcome.columns)["contact_time"]
-        - scenario.result(closer.columns)["contact_time"]
+        scenario.result(outcome.series)["contact_time"]
+        - scenario.result(closer.series)["contact_time"]
     )
     assert error <= outcome.summary["error_estimate"]["contact_time"] < 20.0 * error
 
@@ -209,7 +209,7 @@ def test_the_error_of_a_step_as_long_as_the_decay_length_is_not_understated(kern
     # chance: Richardson's estimate times ERROR_SAFETY is only three quarters of the
     # true error here.
     scenario, outcome = computed(kernels, *HARD, "time.dt=0.00327")
-    off = abs(scenario.result(outcome.columns)["restitution"] - truth(kernels, *HARD))
+    off = abs(scenario.result(outcome.series)["restitution"] - truth(kernels, *HARD))
     assert off <= outcome.summary["error_estimate"]["restitution"] < 5e-3
 
 
@@ -222,9 +222,8 @@ def test_if_a_step_does_not_resolve_the_wall_the_estimate_is_half_the_worst_imba
     scenario, outcome = computed(
         kernels, *HARD, f"impact.spin={spin}", "time.dt=0.00327"
     )
-    flight = 0.5 * 0.1**2
-    whole = 0.5 * (scenario.velocities**2).sum() / 30
-    lost = np.abs(outcome.columns["total"] - outcome.columns["total"][0]).max()
+    flight, whole = 0.5 * 0.1**2, 0.5 * (scenario.velocities**2).sum() / 30
+    lost = np.abs(outcome.series["total"] - outcome.series["total"][0]).max()
     assert outcome.summary["error_estimate"]["restitution"] >= 0.499 * lost / np.sqrt(
         whole * flight
     )
@@ -235,6 +234,6 @@ def test_a_fast_spin_leaves_the_restitution_as_good_as_none(kernels):
     # The spin has three thousand times the energy of the flight.
     settings = (*SMALL, "impact.velocity=0.01", "impact.spin=1", "impact.gap=0.128")
     scenario, outcome = computed(kernels, *settings, estimate=False)
-    assert scenario.result(outcome.columns)["restitution"] == pytest.approx(
+    assert scenario.result(outcome.series)["restitution"] == pytest.approx(
         truth(kernels, *settings), abs=5e-5
     )

@@ -22,7 +22,12 @@ from taichi_disk.computation.outcome import compute
 from taichi_disk.lattice import Lattice, bulk_moduli
 from taichi_disk.output import inline
 from taichi_disk.output.artist import drawing_process
-from taichi_disk.output.plot import begin_plot, matplotlib_style, plot_run
+from taichi_disk.output.plot import (
+    begin_plot,
+    matplotlib_style,
+    plot_run,
+    plot_scene,
+)
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import shared_kernels
 
@@ -34,7 +39,7 @@ def impact():
     scenario, outcome = computed(
         shared_kernels(), "exponential_wall", "lattice.points=100", estimate=False
     )
-    return scenario, outcome.columns
+    return scenario, outcome.series
 
 
 @pytest.fixture
@@ -56,9 +61,11 @@ def test_an_impact_shows_velocity_force_and_energies_with_the_same_bytes_twice(
 ):
     scenario, columns = impact
     for name in ("a.png", "b.png"):
-        plot_run(tmp_path / name, scenario, columns)
-    assert filecmp.cmp(tmp_path / "a.png", tmp_path / "b.png", shallow=False)
-    assert len(list(tmp_path.iterdir())) == 2
+        plot_run(tmp_path / name, plot_scene(scenario, columns))
+    assert (
+        filecmp.cmp(tmp_path / "a.png", tmp_path / "b.png", shallow=False)
+        and len(list(tmp_path.iterdir())) == 2
+    )
     image = np.asarray(Image.open(tmp_path / "a.png").convert("L"))
     # Nothing is cut off: the outermost pixels are white.
     assert (
@@ -104,8 +111,8 @@ def test_a_loading_shows_load_and_energy_against_the_compression_and_the_law(
     scenario, outcome = computed(
         kernels, "compression", "lattice.points=100", "compression.method=newton"
     )
-    columns = outcome.columns
-    plot_run(tmp_path / "a.png", scenario, columns)
+    columns = outcome.series
+    plot_run(tmp_path / "a.png", plot_scene(scenario, columns))
     force, energy = figures[0].axes
     points, paper, exact = (line.get_xydata().T for line in force.lines[:3])
     assert np.array_equal(points, [columns["xi"], columns["wall_force"]])
@@ -136,7 +143,8 @@ def test_no_law_is_drawn_for_custom_points_whose_moduli_are_unknown(
 ):
     scene = load_scene("compression", ["compression.method=newton"])
     scenario = scene.scenario(Lattice.from_points(disk(60).positions))
-    plot_run(tmp_path / "a.png", scenario, compute(scenario).columns)
+    columns = compute(scenario).series
+    plot_run(tmp_path / "a.png", plot_scene(scenario, columns))
     assert [
         text.get_text() for text in figures[0].axes[0].get_legend().get_texts()
     ] == ["equilibria"]
@@ -153,7 +161,7 @@ def test_plots_by_threads_with_other_styles_and_by_another_process_have_the_same
     def draw(name: str) -> bytes:
         with matplotlib_style({"font.size": 5.0, "lines.linewidth": 9.0}):
             time.sleep(0.01)
-        plot_run(tmp_path / name, *impact)
+        plot_run(tmp_path / name, plot_scene(*impact))
         return (tmp_path / name).read_bytes()
 
     with ThreadPoolExecutor(2) as threads:

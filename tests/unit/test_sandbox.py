@@ -18,7 +18,7 @@ from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.observables import ENERGY_INDICES, INDEX
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window.app import list_folder, list_presets
-from taichi_disk.window.controls import Entry
+from taichi_disk.window.controls import Preset
 from taichi_disk.window.history import MAX_STATES, Segment
 from taichi_disk.window.sandbox import SLOWDOWN, Experiment, Sandbox, with_key
 
@@ -43,7 +43,7 @@ def computed(kernels: KernelCache, scene: Any) -> tuple[Outcome, float]:
     """What `run` computes, and its primary result."""
     scenario = scene.scenario()
     outcome = compute(scenario)
-    return outcome, scenario.primary(outcome.columns)[1]
+    return outcome, scenario.primary(outcome.series)[1]
 
 
 def to_the_end(sandbox: Sandbox) -> None:
@@ -88,9 +88,10 @@ def test_the_result_is_that_of_a_run_bit_for_bit_also_after_going_back(
     assert sandbox.time.segment.control.attempt > 1 or settings is not HARD
     columns = sandbox.time.segment.columns
     outcome, expected = computed(kernels, load_scene(scene, settings))
-    assert sandbox.results[-1].value == expected
-    assert not sandbox.time.display.segment.label
-    assert all(np.array_equal(columns[name], outcome.columns[name]) for name in columns)
+    assert (
+        sandbox.results[-1].value == expected and not sandbox.time.display.segment.label
+    )
+    assert all(np.array_equal(columns[name], outcome.series[name]) for name in columns)
 
     spacing = max(np.diff([one.t for one in sandbox.time.checkpoints]))
     start = sandbox.time.checkpoints[0].t
@@ -108,13 +109,12 @@ def test_the_result_is_that_of_a_run_bit_for_bit_also_after_going_back(
         sandbox.speed = 1e6
         # the scene ends at its row, however fast the machine
         sandbox.advance(1.0, max_seconds=60.0)
-        assert sandbox.paused
-        assert sandbox.time.display.t == pytest.approx(
-            outcome.columns["t"][-1], rel=1e-15
+        assert sandbox.paused and sandbox.time.display.t == pytest.approx(
+            outcome.series["t"][-1], rel=1e-15
         )
         assert {one.value for one in sandbox.results} == {expected}
         assert np.array_equal(
-            sandbox.time.segment.columns["com_vy"], outcome.columns["com_vy"]
+            sandbox.time.segment.columns["com_vy"], outcome.series["com_vy"]
         )
 
 
@@ -189,8 +189,10 @@ def test_with_friction_too_the_result_is_that_of_a_run_also_after_going_back(
     scenario = sandbox.time.segment.scenario
     lost = sandbox.time.display.values["friction"]
     outcome, e = computed(kernels, load_scene("exponential_wall", thrown))
-    assert lost == outcome.columns["friction"][-1] > 0.05 * scenario.reference_energy
-    assert sandbox.results[-1].value == e
+    assert (
+        lost == outcome.series["friction"][-1] > 0.05 * scenario.reference_energy
+        and sandbox.results[-1].value == e
+    )
     sandbox.scrub(0.5 * sandbox.time.display.t)
     assert 0.0 < sandbox.time.display.values["friction"] < lost
     sandbox.pause()
@@ -539,7 +541,7 @@ def test_presets_are_the_shipped_scenes_and_what_they_suggest() -> None:
 @pytest.mark.validate
 @pytest.mark.parametrize("entry", list_presets(None), ids=lambda entry: entry.name)
 def test_no_scene_of_the_list_is_computed_again(
-    entry: Entry, kernels: KernelCache
+    entry: Preset, kernels: KernelCache
 ) -> None:
     sandbox = Sandbox(entry.load(), kernels)
     sandbox.speed = 10.0

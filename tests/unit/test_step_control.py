@@ -322,8 +322,8 @@ def test_a_run_within_a_tolerance_is_as_near_as_it_says(tolerance, kernels):
     exact, run = computed(kernels, *SMALL, *fine, estimate=False)
     scenario, outcome = computed(kernels, *SMALL, f"time.tolerance={tolerance}")
     off = abs(
-        scenario.result(outcome.columns)["restitution"]
-        - exact.result(run.columns)["restitution"]
+        scenario.result(outcome.series)["restitution"]
+        - exact.result(run.series)["restitution"]
     )
     assert 0.0 < off <= outcome.summary["error_estimate"]["restitution"] <= tolerance
     assert outcome.summary["attempts"] >= 2
@@ -333,11 +333,11 @@ def test_what_the_wall_still_holds_when_the_run_ends_is_part_of_the_error(kernel
     soft = (*SMALL, "wall.a=10", "wall.V0=5")
     near = (*soft, "impact.gap=1.6")
     scenario, far = computed(kernels, *soft, "time.tolerance=1e-7")
-    exact = scenario.result(far.columns)["restitution"]
+    exact = scenario.result(far.series)["restitution"]
     for settings in (near, (*near, "time.tolerance=1e-3")):
         scenario, outcome = computed(kernels, *settings)
         # The results at two steps differ by 1e-7.
-        off = abs(scenario.result(outcome.columns)["restitution"] - exact)
+        off = abs(scenario.result(outcome.series)["restitution"] - exact)
         assert 5e-6 < off <= outcome.summary["error_estimate"]["restitution"]
     with pytest.raises(
         SimulationError,

@@ -88,7 +88,7 @@ def judge(number: int, tolerance: bool = False, hard: bool = False) -> Judgement
     scenario = scene.scenario(body)
     try:
         outcome = compute(scenario)
-        key, found = scenario.primary(outcome.columns)
+        key, found = scenario.primary(outcome.series)
         claim = outcome.summary["error_estimate"].get(key)
         if tolerance:
             claim = wanted
@@ -96,7 +96,7 @@ def judge(number: int, tolerance: bool = False, hard: bool = False) -> Judgement
             return Judgement(number, "ended", f"{text}: no estimate")
         truth, doubt = true_result(
             scenario,
-            outcome.columns,
+            outcome.series,
             outcome.positions,
             outcome.summary["dt"],
             max(claim, FINEST),
@@ -149,7 +149,7 @@ def judge_features(
         claims = dict(outcome.summary["error_estimate"])
         if not claims:
             return [Judgement(number, "ended", f"{text}: no estimate")]
-        primary, _ = scenario.primary(outcome.columns)
+        primary, _ = scenario.primary(outcome.series)
         if tolerance:
             claims[primary] = wanted
         doubtful = 0.1 * claims[primary]
@@ -158,7 +158,7 @@ def judge_features(
         return [Judgement(number, "ended", f"{text}: {error}")]
     if not truth:
         return [Judgement(number, "untold", f"{text}: too long")]
-    found = measured(scenario, outcome.columns)
+    found = measured(scenario, outcome.series)
     judged = []
     for result in (name for name in claims if name in truth):
         true, doubt = truth[result]

@@ -56,7 +56,7 @@ def judge(
         return Verdict("refused", str(error))
     except SimulationError as error:
         return Verdict("stopped", str(error))
-    summary = outcome.summary | scenario.result(outcome.columns)
+    summary = outcome.summary | scenario.result(outcome.series)
     return Verdict("done", "; ".join(summary["warnings"]), summary)
 
 

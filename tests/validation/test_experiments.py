@@ -96,7 +96,7 @@ def impact(
     settings = {"points": points, "a": a, "eta_star": eta_star, "velocity": velocity}
     scene = load_scene("exponential_wall").with_(settings)
     scenario = scene.scenario()
-    found = scenario.result(compute(scenario, estimate=False).columns)
+    found = scenario.result(compute(scenario, estimate=False).series)
     return found["restitution"], found["contact_time"]
 
 

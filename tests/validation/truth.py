@@ -105,7 +105,7 @@ def refined(
             scenario.scene.time, **step, sample_interval=rows, tolerance="none"
         )
         finer_scenario = replace(scenario, scene=replace(scenario.scene, time=time))
-        columns = compute(finer_scenario, estimate=False).columns
+        columns = compute(finer_scenario, estimate=False).series
         found.append(measured(scenario, columns))
     return {
         name: (value, abs(value - found[0][name]))
