@@ -62,16 +62,20 @@ def _forces(x: Any, u: Any, f: Any, first: Any, second: Any, rest: Any, numbers:
     """Write the forces at positions x and velocities u (n, 2) to f (n, 2)."""
     k_a, k_b, eta, a, V0, reach = numbers
     for i in range(len(x)):
-        f[i, 0], f[i, 1] = 0.0, 0.0
+        f[i, 0] = 0.0
+        f[i, 1] = 0.0
         if x[i, 1] < reach:
             f[i, 1] = a * V0 * exp(-a * x[i, 1])
     for b in range(len(first)):
-        i, j = first[b], second[b]
-        dx, dy = x[i, 0] - x[j, 0], x[i, 1] - x[j, 1]
+        i = first[b]
+        j = second[b]
+        dx = x[i, 0] - x[j, 0]
+        dy = x[i, 1] - x[j, 1]
         r = sqrt(dx * dx + dy * dy)
         s = r - rest[b]
         pull = (k_a * s + k_b * s * s * s) / r
-        fx, fy = pull * dx, pull * dy
+        fx = pull * dx
+        fy = pull * dy
         if eta != 0.0:
             fx += eta * (u[i, 0] - u[j, 0])
             fy += eta * (u[i, 1] - u[j, 1])

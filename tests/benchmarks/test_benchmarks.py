@@ -17,7 +17,8 @@ from .precision import Measured, diagram
 def test_every_part_that_needs_no_window_prints_its_tables() -> None:
     tiny = ("--repeats=1", "--set=lattice.points=60", "--set=impact.velocity=0.05")
     printed = benchmarks("kernel", "run", "start-up", *tiny)
-    assert printed.count("ratio ") == 6 and "attempts: 1" in printed
+    assert printed.count("ratio ") == 6
+    assert "attempts: 1" in printed
 
 
 @pytest.mark.validate
@@ -40,7 +41,8 @@ def test_every_program_finds_the_same_restitution(
         for line in printed.splitlines()
         if line.startswith("| ") and "setting" not in line
     ]
-    assert programs <= {row[0] for row in rows} and figure.exists()
+    assert programs <= {row[0] for row in rows}
+    assert figure.exists()
     for row in rows:
         found = re.fullmatch(r"\$.*10\^{(-\d+)}\$", row[3])
         assert "below" in row[3] or int(found[1]) <= -4, row  # type: ignore[index]
@@ -66,7 +68,8 @@ def test_the_numbers_along_the_diagram_do_not_overlap() -> None:
         if low <= place <= high
     ]
     minor = axes.get_xticklabels(minor=True)
-    assert len(boxes) >= 3 and not any(label.get_text() for label in minor)
+    assert len(boxes) >= 3
+    assert not any(label.get_text() for label in minor)
     assert all(left.x1 < right.x0 for left, right in pairwise(boxes))
 
 

@@ -210,8 +210,10 @@ def test_the_disk_in_the_film_moves_as_its_centre_of_mass_does(
         QUIET,
     )
     times = np.array([time_of(one) for one in captions()])
-    series, theme = run.series, THEMES["dark"]
-    assert len(times) == COUNT and (np.diff(times) >= 0.0).all()
+    series = run.series
+    theme = THEMES["dark"]
+    assert len(times) == COUNT
+    assert (np.diff(times) >= 0.0).all()
     # It flies before t = 0 and after the end, as high at both ends.
     assert times[0] < -1.0
     assert times[-1] > series["t"][-1] + 1.0
@@ -311,7 +313,8 @@ def test_the_film_holds_at_the_greatest_compression_and_ends_with_the_result(
         assert one.result == (result if time_of(one) >= end else "")
     held = [one.time for one in words if one.note == "greatest compression"]
     peak = outcome.series["t"][outcome.series["elastic"].argmax()]
-    assert len(held) >= 2 and set(held) == {f"t = {peak:.2f} R/c"}
+    assert len(held) >= 2
+    assert set(held) == {f"t = {peak:.2f} R/c"}
     pictures = iio.imread(tmp_path / "film.mp4").astype(int)
     # nothing moves at the end
     assert np.abs(pictures[-1] - pictures[-4])[60:].mean() < 1.0
@@ -565,7 +568,8 @@ def test_the_panel_s_curves_are_coloured_up_to_now_and_show_the_time_series(
     assert len(times) >= 3
     slope, _ = np.polyfit(times, columns, 1)
     offsets = np.array(columns) - slope * np.array(times)
-    assert np.ptp(offsets) < 3.0 and np.ptp(columns) > 100
+    assert np.ptp(offsets) < 3.0
+    assert np.ptp(columns) > 100
     v = np.interp(times, run.series["t"], run.series["com_vy"])
     # Rows are linear in v.
     fit = np.polyval(np.polyfit(v, rows, 1), v)

@@ -138,7 +138,9 @@ def test_a_flat_wall_gives_a_spinning_disk_no_sideways_push_and_just_its_torque(
     scenario, outcome = computed(
         kernels, "exponential_wall", *settings, *fine, estimate=False
     )
-    columns, wall, h = outcome.series, scenario.model.wall, outcome.summary["dt"]
+    columns = outcome.series
+    wall = scenario.model.wall
+    h = outcome.summary["dt"]
     arm = scenario.lattice.positions - scenario.lattice.positions.mean(axis=0)
     spin = columns["angular_momentum"]
     force = columns["wall_force"]

@@ -68,7 +68,8 @@ def imbalance(columns):
 )
 def test_energy_is_accounted_for_at_the_automatic_step(scene, kernels):
     _, outcome = computed(kernels, *scene, estimate=False)
-    columns, energy = outcome.series, outcome.summary["energy"]
+    columns = outcome.series
+    energy = outcome.summary["energy"]
     assert_allclose(
         columns["total"],
         np.sum([columns[name] for name in ENERGIES], axis=0),

@@ -174,12 +174,11 @@ def loading():
 
 def test_every_row_of_a_loading_is_an_equilibrium_of_plain_numpy(loading):
     _, scenario, outcome = loading
-    lattice, columns = scenario.lattice, outcome.series
-    assert (
-        0.0 < columns["t"][0] < 0.01
-        and columns["t"][-1] == 1.0
-        and (np.diff(columns["t"]) > 0.0).all()
-    )
+    lattice = scenario.lattice
+    columns = outcome.series
+    assert 0.0 < columns["t"][0] < 0.01
+    assert columns["t"][-1] == 1.0
+    assert (np.diff(columns["t"]) > 0.0).all()
     for row, (t, x, v) in enumerate(outcome.replay(columns["t"])):
         assert t == columns["t"][row]
         assert not v.any()
@@ -220,12 +219,11 @@ def test_the_load_s_work_is_stored_and_the_potential_s_slope_is_the_centre_s_hei
     off = []
     for loads in (24, 96):
         columns = compute(scene.scenario(), loads=loads).series
-        force, y, stored = (
-            P * columns["t"],
-            columns["com_y"],
-            columns["elastic"] + columns["wall"],
-        )
-        work, potential = trapezoid(force, -y), trapezoid(y, force)
+        force = P * columns["t"]
+        y = columns["com_y"]
+        stored = columns["elastic"] + columns["wall"]
+        work = trapezoid(force, -y)
+        potential = trapezoid(y, force)
         off.append(
             (
                 abs(work / np.ptp(stored) - 1.0),
@@ -242,7 +240,8 @@ def test_each_load_of_a_loading_compresses_as_much_as_a_run_under_that_load_alon
     loading, row
 ):
     scene, _, outcome = loading
-    part, found = outcome.series["t"][row], outcome.series["xi"][row]
+    part = outcome.series["t"][row]
+    found = outcome.series["xi"][row]
     alone = scene.with_({"compression.pressure": float(part * P)}).scenario()
     # and lies as it would then
     assert abs(alone.rest.roll - loading[1].rest.roll) > 0.05
@@ -251,7 +250,8 @@ def test_each_load_of_a_loading_compresses_as_much_as_a_run_under_that_load_alon
 
 def test_a_state_at_any_load_is_an_equilibrium_and_a_film_s_is_near_it(loading):
     _, scenario, outcome = loading
-    columns, asked = outcome.series, np.array([0.0, 0.4, 0.5, 1.0])
+    columns = outcome.series
+    asked = np.array([0.0, 0.4, 0.5, 1.0])
     for (t, x, _), (same, drawn, _) in zip(
         outcome.replay(asked), outcome.frames(asked), strict=True
     ):
@@ -271,10 +271,8 @@ def test_a_state_at_any_load_is_an_equilibrium_and_a_film_s_is_near_it(loading):
 def test_the_rest_under_the_full_load_alone_is_bitwise_that_of_the_loading(loading):
     scene, scenario, outcome = loading
     alone = compute(scene.scenario(), loads=1)
-    assert (
-        np.array_equal(alone.positions, outcome.positions)
-        and alone.summary == outcome.summary
-    )
+    assert np.array_equal(alone.positions, outcome.positions)
+    assert alone.summary == outcome.summary
     assert scenario.result(alone.series) == scenario.result(outcome.series)
     assert {name: values[-1] for name, values in outcome.series.items()} == {
         name: values[0] for name, values in alone.series.items()
@@ -303,10 +301,8 @@ def test_relaxation_comes_to_newtons_rest(settings, rolls, kernels):
         scenario = replace(scenario, lattice=placed)
     start = scenario.lattice.positions
     outcome = compute(scenario)
-    values, rest = (
-        scenario.result(outcome.series),
-        solve_equilibrium(lattice, model, lattice.positions),
-    )
+    values = scenario.result(outcome.series)
+    rest = solve_equilibrium(lattice, model, lattice.positions)
     assert abs(rest.roll) < 1e-6
     # The remaining difference is the end of the roll.
     assert values["xi"] == pytest.approx(xi(lattice, rest.positions), rel=2e-5)

@@ -56,8 +56,11 @@ def test_spin_and_sideways_velocity_change_by_just_what_the_wall_does(throw, ker
     # changes the angular momentum. (The start is so far away that the half force of the
     # first step is negligible.)
     scenario, outcome, found = impact(kernels, *throw, *ROWS, "impact.gap=0.11")
-    columns, h = outcome.series, outcome.summary["dt"]
-    wall, torque, push = scenario.model.wall, 0.0, 0.0
+    columns = outcome.series
+    h = outcome.summary["dt"]
+    wall = scenario.model.wall
+    torque = 0.0
+    push = 0.0
     for _, x, v in outcome.replay(columns["t"]):
         normal = wall.a * wall.V0 * np.exp(-wall.a * x[:, 1])
         _, both = wall.contact_forces(scenario.lattice, x, v, scenario.model.springs)
@@ -148,10 +151,8 @@ def test_a_frictionless_throw_at_an_angle_equals_that_of_dop853(kernels):
         "impact.velocity=0.03",
     )
     scenario, outcome, found = impact(kernels, *settings)
-    solver, end = (
-        reference.Model(scenario.lattice, scenario.model),
-        outcome.series["t"][-1],
-    )
+    solver = reference.Model(scenario.lattice, scenario.model)
+    end = outcome.series["t"][-1]
     x, v = solver.solve(
         scenario.lattice.positions, scenario.velocities, (0.0, end), rtol=1e-10
     )[-1]
@@ -339,7 +340,8 @@ def test_a_disk_flying_sideways_meets_the_middle_of_an_elastic_wall(angle, kerne
     scenario, outcome = computed(
         kernels, "absorbing_wall", *wall, *thrown, estimate=False
     )
-    columns, found = outcome.series, scenario.result(outcome.series)
+    columns = outcome.series
+    found = scenario.result(outcome.series)
     first = int(np.argmax(columns["wall_force"] > 0.01 * columns["wall_force"].max()))
     assert abs(columns["com_x"][first]) < 0.11
     assert abs(columns["com_x"][0]) > 1.2

@@ -56,7 +56,8 @@ def test_restitution_and_contact_time_equal_those_of_dop853(
         "time.sample_interval=0.02",
     )
     scenario, outcome = computed(kernels, "exponential_wall", *settings)
-    values, end = scenario.result(outcome.series), outcome.series["t"][-1]
+    values = scenario.result(outcome.series)
+    end = outcome.series["t"][-1]
     # until the wall's last potential is energy of the flight
     end += 8.0 / (scenario.model.wall.a * velocity)
     e, duration = reference_impact(scenario, end)
@@ -113,10 +114,8 @@ def test_an_automatic_step_resolves_the_vibrations_excited_by_resets_with_dashpo
         own = (f"material.eta_star={eta_star}", f"time.integrator={integrator.name}")
         scenario, outcome, found = reset_impact(kernels, points, *own)
         if integrator is VELOCITY_VERLET:
-            model, start = (
-                reference.Model(scenario.lattice, scenario.model),
-                scenario.lattice.positions,
-            )
+            model = reference.Model(scenario.lattice, scenario.model)
+            start = scenario.lattice.positions
             end = outcome.series["t"][-1]
             _, v = model.solve_with_resets(
                 start, scenario.velocities, end, 0.02, rtol=1e-8
@@ -293,11 +292,9 @@ def assert_has_left(kernels, name, *settings):
     """Run on for as long again, and check that the disk never touches the wall and
     flies as fast as `run` says."""
     scenario, outcome = computed(kernels, name, *settings)
-    columns, steps, integrator = (
-        outcome.series,
-        outcome.summary["steps"],
-        INTEGRATORS[outcome.summary["integrator"]],
-    )
+    columns = outcome.series
+    steps = outcome.summary["steps"]
+    integrator = INTEGRATORS[outcome.summary["integrator"]]
     end = replace(scenario.lattice, positions=outcome.positions)
     simulation = kernels.simulation(
         end, scenario.model, integrator, outcome.velocities, outcome.summary["dt"]

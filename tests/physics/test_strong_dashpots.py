@@ -34,11 +34,10 @@ def test_a_disk_that_spins_beside_strong_dashpots_meets_its_estimate(
     scenario, outcome = computed(
         kernels, "exponential_wall", "impact.velocity=0.05", *settings
     )
-    lattice, end = scenario.lattice, outcome.series["t"][-1]
-    assert (
-        outcome.summary["integrator"] == "trapezoidal"
-        and outcome.summary["steps"] < 2000
-    )
+    lattice = scenario.lattice
+    end = outcome.series["t"][-1]
+    assert outcome.summary["integrator"] == "trapezoidal"
+    assert outcome.summary["steps"] < 2000
     _, (_, v) = Model(lattice, scenario.model).solve(
         lattice.positions, scenario.velocities, (0.0, end), 1e-8
     )
@@ -91,12 +90,11 @@ def test_dashpots_brake_a_spin_in_flight_with_a_warning_and_axial_ones_do_not(ke
         kernels, "exponential_wall", *settings, "material.dashpot=axial", estimate=False
     )
     (text,) = vector.summary["warnings"]
-    assert (
-        "angular momentum" in text
-        and "material.dashpot: axial" in text
-        and not axial.summary["warnings"]
-    )
-    force, spin = axial.series["wall_force"], axial.series["angular_momentum"]
+    assert "angular momentum" in text
+    assert "material.dashpot: axial" in text
+    assert not axial.summary["warnings"]
+    force = axial.series["wall_force"]
+    spin = axial.series["angular_momentum"]
     before = force < 1e-6 * force.max()
     before[int(force.argmax()) :] = False
     # The disk flies until the wall's torque begins.

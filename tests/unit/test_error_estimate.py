@@ -222,7 +222,8 @@ def test_if_a_step_does_not_resolve_the_wall_the_estimate_is_half_the_worst_imba
     scenario, outcome = computed(
         kernels, *HARD, f"impact.spin={spin}", "time.dt=0.00327"
     )
-    flight, whole = 0.5 * 0.1**2, 0.5 * (scenario.velocities**2).sum() / 30
+    flight = 0.5 * 0.1**2
+    whole = 0.5 * (scenario.velocities**2).sum() / 30
     lost = np.abs(outcome.series["total"] - outcome.series["total"][0]).max()
     assert outcome.summary["error_estimate"]["restitution"] >= 0.499 * lost / np.sqrt(
         whole * flight

@@ -62,10 +62,8 @@ def test_an_impact_shows_velocity_force_and_energies_with_the_same_bytes_twice(
     scenario, columns = impact
     for name in ("a.png", "b.png"):
         plot_run(tmp_path / name, plot_scene(scenario, columns))
-    assert (
-        filecmp.cmp(tmp_path / "a.png", tmp_path / "b.png", shallow=False)
-        and len(list(tmp_path.iterdir())) == 2
-    )
+    assert filecmp.cmp(tmp_path / "a.png", tmp_path / "b.png", shallow=False)
+    assert len(list(tmp_path.iterdir())) == 2
     image = np.asarray(Image.open(tmp_path / "a.png").convert("L"))
     # Nothing is cut off: the outermost pixels are white.
     assert (
