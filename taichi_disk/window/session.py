@@ -30,7 +30,6 @@ from taichi_disk.window.controls import (
     described,
     values_of,
 )
-from taichi_disk.window.films import Films
 from taichi_disk.window.graphs import CURVES, Graphs, Scales
 from taichi_disk.window.look import Look
 from taichi_disk.window.sandbox import Sandbox, load_key, printed, value_of
@@ -41,14 +40,13 @@ MAX_NUMBER = 1e7  # limit of a number in it
 _MAX_PENDING = 64
 # A page's commands and their values, by the part of `Session` that has a method of the
 # same name. Those of the audience tell it that the page has drawn a state, that a
-# watcher asks to play, and that the player hands over or does not.
+# watcher asks to play, that the player hands over or does not, or wants a film.
 _METHODS = {
     "controls": "press key, play number, set key value, speed value, collect",
     "sandbox": "scrub t, turn angle final, aim dx dy, throw, pull x y, release, clear,"
     " remove number",
     "scales": "rescale",
-    "films": "film",
-    "audience": "seen number, ask, hand, keep",
+    "audience": "seen number, ask, hand, keep, film",
 }
 _COMMANDS = {
     do: (part, values)
@@ -56,7 +54,7 @@ _COMMANDS = {
     for do, *values in map(str.split, text.split(", "))
 }
 # commands of which only the latest counts
-_REPLACED = ("set", "speed", "scrub", "turn", "aim", "pull", "film")
+_REPLACED = ("set", "speed", "scrub", "turn", "aim", "pull")
 # points; a larger lattice takes longer to build than a picture may take
 LARGE_LATTICE = 5000
 HEADER = struct.Struct("<IdIIiI2f")  # see `Session._state`
@@ -88,8 +86,8 @@ class Session:
     Vulkan is needed.
 
     Attributes:
-        sandbox, controls, scales, films: the disk, the user's controls, the scales of
-            colours and arrows, and the films that pages save.
+        sandbox, controls, scales: the disk, the user's controls, and the scales of
+            colours and arrows.
         texts: the present JSON message of each kind: "hello", "scene", "graphs", "yaml"
             and "panel".
         number: of the last state.
@@ -104,7 +102,6 @@ class Session:
         self.controls = Controls(self.sandbox, playlist)
         self.scales = Scales(self.sandbox)
         self.graphs = Graphs(self.sandbox)
-        self.films = Films(self.sandbox)
         self.texts: dict[str, str] = {}
         self.state = b""
         self.number = 0
@@ -201,7 +198,11 @@ class Session:
             self.sandbox.tick()
         except Exception as error:
             self._begin_anew(described(error))
-        self.number += 1
+        self._write_messages()
+
+    def tell(self, message: str) -> None:
+        """Show a message to all visitors."""
+        self.sandbox.message = message
         self._write_messages()
 
     def _carry_out_commands(self) -> None:
@@ -225,6 +226,7 @@ class Session:
             sandbox.message = f"{reason}: {described(error)}"
 
     def _write_messages(self) -> None:
+        self.number += 1
         sandbox = self.sandbox
         self._write("scene", self._scene_key(), self._scene)
         # While the scene is computed again, the old curves stay.
