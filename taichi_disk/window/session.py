@@ -318,7 +318,7 @@ class Session:
         scenario = time.display.segment.scenario
         lines = [*scenario.caption(time.display.values | {"t": t})]
         if time.segment.status == "finished" and time.lead == 0.0:
-            result = next(iter(scenario.result(time.segment.columns).values()))
+            _, result = scenario.primary(time.segment.columns)
             lines.append(f"*{scenario.symbol} = {printed(scenario.symbol, result)}")
         return "\n".join(lines)
 
