@@ -89,7 +89,7 @@ class Axes {
     if (results.at(-1).result === "e") {
       const lowest = Math.min(...values, 1);
       this.low = Math.max(Math.floor(10 * lowest - 0.2) / 10, 0);
-      this.high = Math.max(1, ...values);
+      this.high = Math.ceil(10 * Math.max(1, ...values)) / 10;
     }
   }
 

@@ -269,6 +269,7 @@ export class Sandbox {
     filmPage.textContent = message.films ? "The film is made …" : "Film to play with";
     this.plays = message.plays;
     this.watch.show(message);
+    if (this.panel) this.showMessage(this.panel);
     if (!this.plays && this.node.dataset.tab === "experiment") this.showTab("view");
   }
 

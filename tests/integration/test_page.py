@@ -17,6 +17,8 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 from urllib.parse import urljoin
@@ -1276,25 +1278,33 @@ def test_a_failure_to_draw_is_said_once_and_time_goes_on(
 def test_curves_stay_while_the_scene_is_computed_again(
     tmp_path: Path, browser: Browser
 ) -> None:
-    with serving(tmp_path, "oblique_impact", "--no-open") as (program, url):
+    settings = ["oblique_impact", "--set=lattice.points=300", "--no-open"]
+    with serving(tmp_path, *settings) as (program, url):
         browser.open(url)
         browser.script("window.sandbox.send({ do: 'speed', value: 20 })")
         browser.script(WATCH_AGAIN)
         browser.click("drop")
         browser.wait(browser.results, 180.0)
         seen = browser.script("return window.again")
-        fractions = [one["fraction"] for one in seen]
-        assert len(seen) > 2 and fractions == sorted(fractions)
-        shown = seen[0]
-        for one in seen:
-            assert one["isGrey"] and one["hasBar"]
-            # neither the picture nor the curve of the contact's force goes back
-            for name in ("t", "end", "force"):
-                assert one[name] == shown[name]
-        assert shown["t"] == pytest.approx(shown["end"])
-        assert shown["force"] > 0.01
+        # Several steps are too long for this disk, and the message names each of them.
+        again = [list(each) for _, each in groupby(seen, itemgetter("message"))]
+        assert len(again) > 1
+        for each in again:
+            fractions = [one["fraction"] for one in each]
+            assert fractions == sorted(fractions)
+            shown = each[0]
+            # curves have five digits
+            assert shown["t"] == pytest.approx(shown["end"], abs=1e-3)
+            assert shown["force"] > 0.01
+            for one in each:
+                assert one["isGrey"] and one["hasBar"]
+                # neither the picture nor the curve of the contact's force goes back
+                for name in ("t", "end", "force"):
+                    assert one[name] == shown[name]
+        times = [each[0]["t"] for each in again]
+        assert times == sorted(times)
         assert not browser.visible("again")
-        assert browser.state("t") > shown["t"]
+        assert browser.state("t") > times[-1]
         assert browser.errors() == []
         ended(program)
 
@@ -1308,6 +1318,7 @@ sandbox.showPanel = (panel) => {
   if (panel.again === 1) return;
   const { data } = sandbox.graphs;
   window.again.push({
+    message: panel.message,
     fraction: panel.again,
     t: sandbox.state.t,
     end: data.t.at(-1),
