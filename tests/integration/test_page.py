@@ -1040,6 +1040,34 @@ def test_the_page_reloads_a_second_visitor_watches_and_it_connects_again(
 
 
 @pytest.mark.validate
+def test_the_projector_shows_large_letters_and_films_are_saved(
+    served: tuple[subprocess.Popen[str], str], each_browser: Browser
+) -> None:
+    browser = each_browser
+    program, url = served
+    browser.open(url)
+    browser.click("film-page")
+    browser.click("film")
+    browser.click("drop")
+    browser.wait(lambda: browser.state("t") > 0.5)
+    browser.click("film")
+    browser.key("f")
+    assert browser.wait(lambda: browser.visible("timeline"))
+    assert browser.script("return sandbox.letters") > 1.3
+    assert browser.visible("energy") and not browser.visible("help")
+    browser.key("\ue00c")  # Escape
+    assert browser.wait(lambda: browser.visible("help"))
+    assert browser.script("return sandbox.letters") == 1.0
+    page = browser.wait(lambda: browser.downloaded("disk.html"), 60.0)
+    browser.wait(
+        lambda: browser.downloaded("disk.webm") or browser.downloaded("disk.mp4")
+    )
+    assert "states" in page.read_text(encoding="utf-8")
+    assert browser.errors() == []
+    ended(program)
+
+
+@pytest.mark.validate
 def test_graphs_show_energies_below_0_and_no_noise(
     served: tuple[subprocess.Popen[str], str], browser: Browser
 ) -> None:
@@ -1076,12 +1104,14 @@ def test_graphs_show_energies_below_0_and_no_noise(
     ended(program)
 
 
-LAYOUTS = [(1400, 900), (1024, 768), (768, 1024), (390, 844)]
+LAYOUTS = [(1920, 1080), (1400, 900), (1024, 768), (768, 1024), (390, 844), (844, 390)]
 # Whether the picture has the size of its place: a busy browser draws it later.
 IS_DRAWN = """
 const { canvas, width, height } = window.sandbox.drawing;
 return canvas.clientWidth === width && canvas.clientHeight === height;
 """
+# what the program sends to a visitor who watches
+WATCHING = json.dumps({"kind": "role", "plays": False, "asks": False, "asking": 0})
 
 
 @pytest.mark.validate
@@ -1090,33 +1120,44 @@ def test_every_layout_is_free_of_overlaps_small_letters_and_small_targets(
 ) -> None:
     from axe_selenium_python import Axe
 
-    program, url = served
-    browser.open(url)
-    for theme in ("light", "dark"):
-        browser.choose("video.theme", theme)
-        for size in LAYOUTS:
-            browser.resize(size)
-            for tab in ("experiment", "view", "graphs", "results"):
-                browser.script(
-                    f"document.querySelector('nav [data-tab={tab}]').click()"
-                )
-                time.sleep(0.3)
-                browser.wait(lambda: browser.script(IS_DRAWN))
-                assert browser.script(FAULTS) == [], (theme, size, tab)
-    axe = Axe(browser.driver)
-    axe.inject()
-    for opening in ("", "scenes", "help"):
-        if opening:
-            browser.click(opening)
+    def faults() -> Any:
+        time.sleep(0.3)
+        browser.wait(lambda: browser.script(IS_DRAWN))
+        return browser.script(FAULTS)
+
+    def serious() -> list[Any]:
         found = [
-            one
+            (one["id"], one["nodes"][0]["html"][:200])
             for one in axe.run()["violations"]
             if one["impact"] in ("serious", "critical")
         ]
-        assert found == [], [
-            (one["id"], one["nodes"][0]["html"][:200]) for one in found
-        ]
         browser.close_lists()
+        return found
+
+    program, url = served
+    browser.open(url)
+    browser.script("window.sandbox.send({ do: 'speed', value: 20 })")
+    browser.click("drop")
+    browser.wait(browser.results, 60.0)  # the disk has risen, and its read-out is long
+    for size in LAYOUTS:
+        browser.resize(size)
+        for tab in ("experiment", "view", "graphs", "results"):
+            browser.script(f"window.sandbox.showTab('{tab}')")
+            assert faults() == [], (size, tab)
+        browser.script("window.sandbox.project(true)")
+        assert faults() == [], (size, "projector")
+        browser.script("window.sandbox.project(false)")
+    axe = Axe(browser.driver)
+    axe.inject()
+    browser.resize(LAYOUTS[0])
+    for theme in ("light", "dark"):
+        browser.choose("video.theme", theme)
+        assert serious() == [], (theme, "results")
+        for opening in ("scenes", "help"):
+            browser.click(opening)
+            assert serious() == [], (theme, opening)
+    browser.script(f"window.sandbox.receive('{WATCHING}')")
+    assert serious() == [], "watching"
     ended(program)
 
 
