@@ -461,7 +461,10 @@ def test_picture_and_curves_stay_while_the_scene_is_computed_again(
     assert session.sandbox.time.display.t > t
 
 
-def test_a_curve_is_collected_by_itself_and_stops_when_asked(session: Session) -> None:
+def test_a_curve_is_collected_by_itself_and_stops_when_asked(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("taichi_disk.window.sandbox.COLLECTING_PACE", 1e4)
     say(session, "collect")
     while len(session.sandbox.results) < 2:
         session.advance()
@@ -494,6 +497,7 @@ def test_the_colour_scale_is_known_before_the_throw_and_doubles_at_most(
 ) -> None:
     scales = session.scales
     before = scales.colour
+    say(session, "speed", value=5.0)
     say(session, "press", key="space")
     largest = 0.0
     while not session.sandbox.paused:
