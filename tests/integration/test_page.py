@@ -465,6 +465,7 @@ def test_a_curve_is_collected_by_itself_and_stops_when_asked(
     session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("taichi_disk.window.sandbox.COLLECTING_PACE", 1e4)
+    say(session, "speed", value=100.0)
     say(session, "collect")
     while len(session.sandbox.results) < 2:
         session.advance()
