@@ -156,9 +156,8 @@ class Viewer:
         if "follow" in self._modes:
             self.camera = replace(self.camera, look_at=self._centre)
         values = painter.values(state.x, state.v)[: lattice.disk_points]
-        self._scales.update(
-            values, contact_forces(wall, lattice, springs, state.x, state.v)
-        )
+        forces = contact_forces(wall, lattice, springs, state.x, state.v)
+        self._scales.update(values, forces, video.colour)
         painter.limit = self._scales.colour
         painter.full_force = self._scales.force
         canvas = self._window.get_canvas()

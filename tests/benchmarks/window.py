@@ -142,7 +142,9 @@ def states(scene: str, settings: tuple[str, ...]) -> tuple[float, int]:
     stepping, began = 0.0, time.process_time()
     for _ in range(COUNTED):
         session.advance()
-    return (time.process_time() - began - stepping) / COUNTED, len(session.state)
+    return (time.process_time() - began - stepping) / COUNTED, len(
+        session.messages(session.look)["state"]
+    )
 
 
 def browse(scene: str, settings: tuple[str, ...]) -> list[float]:

@@ -75,8 +75,13 @@ def say(session: Session, kind: str, **more: Any) -> None:
     session.advance()
 
 
+def messages(session: Session) -> dict[str, Any]:
+    """The messages for the player."""
+    return session.messages(session.look)
+
+
 def panel(session: Session) -> dict[str, Any]:
-    return dict(json.loads(session.texts["panel"]))
+    return dict(json.loads(messages(session)["panel"]))
 
 
 # ---- the door
@@ -322,7 +327,7 @@ def test_no_message_makes_an_error(session: Session) -> None:
             heard += 1
             if choose.random() < 0.5:
                 session.advance()
-    assert len(session.state) > HEADER.size
+    assert len(messages(session)["state"]) > HEADER.size
 
 
 def test_a_slider_that_is_held_while_the_scene_changes_is_let_be(
@@ -344,10 +349,10 @@ def test_a_slider_that_is_held_while_the_scene_changes_is_let_be(
 
 
 def unpacked(session: Session) -> tuple[tuple[Any, ...], np.ndarray]:
-    header = HEADER.unpack(session.state[: HEADER.size])
+    header = HEADER.unpack(messages(session)["state"][: HEADER.size])
     points, forces, values = header[2], header[3], header[5]
     count = len(INDEX) + len(CURVES) + 2 * points + values + 3 * forces
-    return header, np.frombuffer(session.state, "<f4", count, HEADER.size)
+    return header, np.frombuffer(messages(session)["state"], "<f4", count, HEADER.size)
 
 
 def test_a_state_holds_what_the_sandbox_sees(session: Session) -> None:
@@ -370,7 +375,7 @@ def test_a_state_holds_what_the_sandbox_sees(session: Session) -> None:
     assert energies.sum() == pytest.approx(
         session.sandbox.time.segment.scenario.reference_energy, rel=1e-4
     )
-    graphs = json.loads(session.texts["graphs"])
+    graphs = json.loads(messages(session)["graphs"])
     assert len(graphs["values"]) == len(CURVES) and graphs["t"][0] == 0.0
 
 
@@ -383,7 +388,7 @@ def test_the_page_s_modules_parse_and_read_a_state_as_it_was_packed(
             ["node", "--check", module], capture_output=True, text=True
         )
         assert done.returncode == 0, done.stderr
-    (tmp_path / "state").write_bytes(session.state)
+    (tmp_path / "state").write_bytes(messages(session)["state"])
     (tmp_path / "message.mjs").write_text(
         (WEB / "message.js").read_text(encoding="utf-8"), encoding="utf-8"
     )
@@ -445,19 +450,19 @@ def test_picture_and_curves_stay_while_the_scene_is_computed_again(
     while panel(session)["again"] == 1.0:
         session.advance()
         assert session.sandbox.time.segment.status == "running"
-    curves = session.texts["graphs"]
+    curves = messages(session)["graphs"]
     t = session.sandbox.time.display.t
     assert max(json.loads(curves)["values"][5]) >= 0.0
     fractions = []
     while panel(session)["again"] < 1.0:
         fractions.append(panel(session)["again"])
-        assert session.texts["graphs"] == curves
+        assert messages(session)["graphs"] == curves
         assert session.sandbox.time.display.t == t
         session.sandbox.time.go(20, 1.0)
         session._write_messages()
     assert len(fractions) > 2 and fractions == sorted(fractions)
     session.advance()
-    assert session.texts["graphs"] != curves
+    assert messages(session)["graphs"] != curves
     assert session.sandbox.time.display.t > t
 
 
@@ -527,15 +532,15 @@ def test_a_scale_grows_by_twos_with_a_note_and_not_from_rounding_errors(
     before = scales.colour
     disk = np.full(120, 1.4 * before)
     nothing = np.zeros((0, 3))
-    scales.update(disk, nothing)
+    scales.update(disk, nothing, "shear")
     assert scales.colour == before and not scales.note
-    scales.update(4.0 * disk, nothing)
+    scales.update(4.0 * disk, nothing, "shear")
     assert scales.colour == 4.0 * before and f"{4.0 * before:g}" in scales.note
     scales.rescale()
-    scales.update(1e-9 * disk, nothing)
+    scales.update(1e-9 * disk, nothing, "shear")
     assert scales.colour == before and not scales.note
     scales.rescale()
-    scales.update(1e-3 * disk, nothing)
+    scales.update(1e-3 * disk, nothing, "shear")
     assert 1e-3 < scales.colour / before < 2e-3
 
 
@@ -773,8 +778,9 @@ def test_names_that_are_not_utf_8_reach_every_page(
     except OSError:
         pytest.skip("this file system takes only UTF-8")
     session = Session(list_folder(tmp_path), kernels)
-    for message in session.texts.values():
-        message.encode()
+    for kind, message in messages(session).items():
+        if kind != "state":
+            message.encode()
     assert panel(session)["name"] == "\udcff"
 
 
