@@ -38,7 +38,7 @@ from taichi_disk.window.sandbox import Sandbox, load_key, printed, value_of
 
 MAX_BYTES = 2**10  # limit of a page's message
 MAX_NUMBER = 1e7  # limit of a number in it
-# most commands between two pictures, without those that a later one replaces
+# most commands that wait for the next picture; of some, only the latest counts
 _MAX_PENDING = 64
 # A page's commands and their values, by the part of `Session` that has a method of the
 # same name. Those of the audience tell it that the page has drawn a state, that a
@@ -375,8 +375,11 @@ class Session:
         return ""
 
     def _sliders(self) -> list[dict[str, Any]]:
-        """Return the numbers of the scene. `live`: whether a number changes during the
-        drag of its slider; a change that takes long waits for the end of the drag."""
+        """Return the sliders of the scene.
+
+        `live`: whether the number changes while its slider is dragged. A change that
+        takes long waits until the slider is let go.
+        """
         sandbox = self.sandbox
         is_large = sandbox.scene.lattice.points > LARGE_LATTICE
         is_slow = sandbox.at_start and (is_large or not sandbox.can_aim)
