@@ -172,7 +172,7 @@ export class Sandbox {
 
   set(key, value) {
     if (key === "video.theme") this.chooseTheme(value);
-    this.send(key === "speed" ? { do: "speed", value } : { do: "set", key, value });
+    this.send({ do: "set", key, value });
   }
 
   chooseTheme(theme) {

@@ -6,7 +6,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial, partialmethod
+from functools import partial
 from typing import Any, NamedTuple, get_args
 
 from taichi_disk.config.sections import Boundary, Colour, Dashpot, Draw, Theme
@@ -284,8 +284,6 @@ class Controls:
             self.sandbox.set(key, type(now)(float(f"{value:.6g}")))
         elif now is not None:
             self.sandbox.set(key, value)
-
-    speed = partialmethod(set, "speed")
 
     def _set_points(self, value: float) -> None:
         most = max(MAX_POINTS, self.sandbox.scene.lattice.points)

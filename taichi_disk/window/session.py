@@ -44,7 +44,7 @@ _MAX_PENDING = 64
 # same name. Those of the audience tell it that the page has drawn a state, that a
 # watcher asks to play, that the player hands over or does not, or wants a film.
 _METHODS = {
-    "controls": "press key, play number, set key value, speed value, collect",
+    "controls": "press key, play number, set key value, collect",
     "sandbox": "scrub t, turn angle final, aim dx dy, throw, pull x y, release, clear,"
     " remove number",
     "scales": "rescale",
@@ -56,7 +56,7 @@ _COMMANDS = {
     for do, *values in map(str.split, text.split(", "))
 }
 # commands of which only the latest counts
-_REPLACED = ("set", "speed", "scrub", "turn", "aim", "pull")
+_REPLACED = ("set", "scrub", "turn", "aim", "pull")
 # points; a larger lattice takes longer to build than a picture may take
 LARGE_LATTICE = 5000
 HEADER = struct.Struct("<IdIIiI2f")  # see `Session._state`

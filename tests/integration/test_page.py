@@ -293,7 +293,6 @@ def test_no_message_makes_an_error(session: Session) -> None:
     ]
     kinds = (
         "play",
-        "speed",
         "scrub",
         "turn",
         "aim",
@@ -445,7 +444,7 @@ def test_picture_and_curves_stay_while_the_scene_is_computed_again(
     ]
     entry = Entry("hard", "Look.", partial(load_scene, "exponential_wall", hard))
     session = Session([entry], kernels)
-    say(session, "speed", value=3.0)
+    say(session, "set", key="speed", value=3.0)
     say(session, "press", key="space")
     while panel(session)["again"] == 1.0:
         session.advance()
@@ -470,7 +469,7 @@ def test_a_curve_is_collected_by_itself_and_stops_when_asked(
     session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("taichi_disk.window.sandbox.COLLECTING_PACE", 1e4)
-    say(session, "speed", value=100.0)
+    say(session, "set", key="speed", value=100.0)
     say(session, "collect")
     while len(session.sandbox.results) < 2:
         session.advance()
@@ -503,7 +502,7 @@ def test_the_colour_scale_is_known_before_the_throw_and_doubles_at_most(
 ) -> None:
     scales = session.scales
     before = scales.colour
-    say(session, "speed", value=5.0)
+    say(session, "set", key="speed", value=5.0)
     say(session, "press", key="space")
     largest = 0.0
     while not session.sandbox.paused:
@@ -658,7 +657,7 @@ def test_the_disk_goes_on_while_a_film_is_made_for_the_player(
         watcher.say("film")
         await player.draw(3)
         assert not watcher.texts["role"]["films"]
-        player.say("speed", value=0.05)
+        player.say("set", key="speed", value=0.05)
         player.say("press", key="space")
         player.say("film")
         player.say("film")  # one is enough
@@ -1147,7 +1146,7 @@ def test_every_layout_is_free_of_overlaps_small_letters_and_small_targets(
 
     program, url = served
     browser.open(url)
-    browser.script("window.sandbox.send({ do: 'speed', value: 20 })")
+    browser.script("window.sandbox.send({ do: 'set', key: 'speed', value: 20 })")
     browser.click("drop")
     browser.wait(browser.results, 60.0)  # the disk has risen, and its read-out is long
     for size in LAYOUTS:
@@ -1333,7 +1332,7 @@ def test_curves_stay_while_the_scene_is_computed_again(
     settings = ["oblique_impact", "--set=lattice.points=300", "--no-open"]
     with serving(tmp_path, *settings) as (program, url):
         browser.open(url)
-        browser.script("window.sandbox.send({ do: 'speed', value: 20 })")
+        browser.script("window.sandbox.send({ do: 'set', key: 'speed', value: 20 })")
         browser.script(WATCH_AGAIN)
         browser.click("drop")
         browser.wait(browser.results, 180.0)
@@ -1485,7 +1484,7 @@ def test_every_scene_of_the_list_ends_as_run_does_after_random_events(
     say(session, "play", number=number)
     sandbox = session.sandbox
     assert panel(session)["name"] == entries[number].name
-    say(session, "speed", value=100.0)
+    say(session, "set", key="speed", value=100.0)
     if sandbox.paused:
         say(session, "press", key="space")
     while not sandbox.paused:  # without a clock, so that it takes no longer than a run
