@@ -88,8 +88,8 @@ class Sandbox(AnyWidget):
         )
 
     def _hear(self, message: Any) -> None:
-        """Handle a message from a view, which opens, closes, or sends a command like
-        that of a page."""
+        """Handle a message from a view: it opens or closes, or sends a command as a
+        page does."""
         name = message.pop("visitor")
         visitor = self._views.get(name)
         if message["do"] == "open":

@@ -17,7 +17,15 @@ const SET_COLUMNS = {
   spin: ["spin ", 0],
   friction: ["μ = ", 0],
 };
-const SET_COLOURS = ["#00806a", "#c23f00", "#1f6fb5", "#8e5bc0", "#8f6500", "#9c3587", "#5a5d64"];
+const SET_COLOURS = [
+  "light-dark(#00806a, #2fc79b)",
+  "light-dark(#c23f00, #ff7f50)",
+  "light-dark(#1f6fb5, #4fb3f0)",
+  "light-dark(#8e5bc0, #c9a0f0)",
+  "light-dark(#8f6500, #e0b040)",
+  "light-dark(#9c3587, #f08ad8)",
+  "light-dark(#5a5d64, #a9abb0)",
+];
 
 // Return the results in sets with equal parameters: {label, colour, rows}.
 export function inSets(results) {
@@ -89,7 +97,7 @@ class Axes {
     if (results.at(-1).result === "e") {
       const lowest = Math.min(...values, 1);
       this.low = Math.max(Math.floor(10 * lowest - 0.2) / 10, 0);
-      this.high = Math.max(1, ...values);
+      this.high = Math.ceil(10 * Math.max(1, ...values)) / 10;
     }
   }
 

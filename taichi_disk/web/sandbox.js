@@ -172,7 +172,7 @@ export class Sandbox {
 
   set(key, value) {
     if (key === "video.theme") this.chooseTheme(value);
-    this.send(key === "speed" ? { do: "speed", value } : { do: "set", key, value });
+    this.send({ do: "set", key, value });
   }
 
   chooseTheme(theme) {
@@ -253,6 +253,7 @@ export class Sandbox {
     if (typeof data !== "string") return this.showState(data);
     const message = JSON.parse(data);
     const { kind } = message;
+    this.answered();
     if (kind === "hello") this.showKeys((this.hello = message));
     else if (kind === "role") this.showRole(message);
     else if (kind === "scene") this.showScene(message);
@@ -263,8 +264,12 @@ export class Sandbox {
   }
 
   showRole(message) {
+    const filmPage = this.ui["film-page"];
+    filmPage.disabled = message.films;
+    filmPage.textContent = message.films ? "The film is made …" : "Film to play with";
     this.plays = message.plays;
     this.watch.show(message);
+    if (this.panel) this.showMessage(this.panel);
     if (!this.plays && this.node.dataset.tab === "experiment") this.showTab("view");
   }
 
@@ -283,9 +288,14 @@ export class Sandbox {
     this.arrived = performance.now();
     this.graphs.add(this.state);
     this.ui.caption.replaceChildren(...this.state.caption.split("\n").map(captionLine));
+    this.answered();
+    this.redraw(this.state.number);
+  }
+
+  // Note that the program is not busy.
+  answered() {
     this.waiting = clearTimeout(this.waiting);
     this.ui.busy.hidden = true;
-    this.redraw(this.state.number);
   }
 
   // Draw once before the next picture of the screen; only then tell the program that a state was

@@ -9,6 +9,8 @@ from collections.abc import Callable
 from time import perf_counter
 
 from taichi_disk.runtime import alone
+from taichi_disk.window.controls import described
+from taichi_disk.window.films import make_film
 from taichi_disk.window.look import Look
 from taichi_disk.window.session import Session, read_command
 
@@ -25,7 +27,7 @@ class Visitor:
     Attributes:
         look: how the disk is drawn for this visitor, while somebody else plays.
         asks: whether the visitor has asked to play.
-        awaits_film: whether the visitor has asked for a film and not got it yet.
+        film: the task that makes a film for the visitor, or None.
     """
 
     def __init__(
@@ -33,7 +35,7 @@ class Visitor:
     ) -> None:
         self.look = look
         self.asks = False
-        self.awaits_film = False
+        self.film: asyncio.Task[None] | None = None
         self._send = send
         self._unsent = unsent
         self._in_flight: list[int] = []  # numbers of states
@@ -51,7 +53,6 @@ class Visitor:
 
     def give_film(self, page: str) -> None:
         """Send a film to play with, an HTML page."""
-        self.awaits_film = False
         self._send(json.dumps({"kind": "film", "page": page}))
 
     def show(self, messages: dict[str, Message], number: int) -> bool:
@@ -102,6 +103,8 @@ class Audience:
         the next one; after the last visitor, the sandbox pauses."""
         played = self.plays(visitor)
         self._visitors.remove(visitor)
+        if visitor.film:
+            visitor.film.cancel()
         if not self._visitors:
             self.session.release()
             self.session.pause()
@@ -126,10 +129,21 @@ class Audience:
             visitor.asks |= message["do"] == "ask"
         elif message["do"] in _ANSWERS:
             self._answer(message["do"])
+        elif message["do"] == "film":
+            visitor.film = visitor.film or asyncio.create_task(self._film_for(visitor))
         else:
-            visitor.awaits_film |= message["do"] == "film"
             self.session.hear(message)
         self._news.set()
+
+    async def _film_for(self, visitor: Visitor) -> None:
+        try:
+            page = await make_film(self.session.sandbox.scene)
+            visitor.give_film(page)
+        except Exception as error:
+            self.session.tell(described(error))
+        finally:
+            visitor.film = None
+            self._news.set()
 
     def _answer(self, answer: str) -> None:
         """Let the first visitor who asked play, or tell all of them that they have to
@@ -167,7 +181,6 @@ class Audience:
             if session.is_busy and any(map(self.plays, ready)):
                 with alone():  # another thread may compute
                     session.advance()
-            self._give_films()
             is_sent = False
             for one in ready:
                 is_sent |= one.show(self._messages_for(one), session.number)
@@ -176,20 +189,17 @@ class Audience:
             else:
                 await self._news.wait()
 
-    def _give_films(self) -> None:
-        """Send a new film to the visitors who have asked for one."""
-        page = self.session.films.take()
-        if page:
-            for one in self._visitors:
-                if one.awaits_film:
-                    one.give_film(page)
-
     def _messages_for(self, visitor: Visitor) -> dict[str, Message]:
         """Return the present message of each kind, the state as the last one."""
         plays = self.plays(visitor)
         look = self.session.look if plays else visitor.look
-        asking = sum(one.asks for one in self._visitors)
-        role = {"kind": "role", "plays": plays, "asks": visitor.asks, "asking": asking}
+        role = {
+            "kind": "role",
+            "plays": plays,
+            "asks": visitor.asks,
+            "asking": sum(one.asks for one in self._visitors),
+            "films": visitor.film is not None,
+        }
         messages = dict(self.session.messages(look))
         state = messages.pop("state")
         return {**messages, "role": json.dumps(role), "state": state}

@@ -6,7 +6,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial, partialmethod
+from functools import partial
 from typing import Any, NamedTuple, get_args
 
 from taichi_disk.config.sections import Boundary, Colour, Dashpot, Draw, Theme
@@ -19,7 +19,7 @@ FACTORS = (1.12, 1 / 1.12)
 POINT_FACTORS = (1 / 1.5, 1.5)
 # keys that repeat while held
 REPEATING_KEYS = ("Left", "Right", "Up", "Down", "e", "d", "a", "z", "s", "m", "i", "u")
-# smallest value above 0 that keys set
+# smallest values above 0 to which keys change a viscosity
 MIN_VISCOSITY = {"material.eta_star": 0.1, "material.viscosity": 1e-4}
 # largest number that can be typed; larger disks take minutes to build
 MAX_POINTS = 20_000
@@ -108,7 +108,7 @@ CHOICES: dict[str, tuple[str, Any]] = {
 }
 
 
-# keys that change what each visitor chooses alone
+# keys that change a visitor's own look
 LOOK_KEYS = {"c": "video.colour", "o": "video.draw", "t": "video.theme"}
 
 
@@ -284,8 +284,6 @@ class Controls:
             self.sandbox.set(key, type(now)(float(f"{value:.6g}")))
         elif now is not None:
             self.sandbox.set(key, value)
-
-    speed = partialmethod(set, "speed")
 
     def _set_points(self, value: float) -> None:
         most = max(MAX_POINTS, self.sandbox.scene.lattice.points)

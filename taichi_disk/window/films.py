@@ -2,40 +2,41 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from taichi_disk import runtime
 from taichi_disk.computation.outcome import compute
 from taichi_disk.progress import silent
+from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import body_of
+from taichi_disk.sweep.pool import Pool
 from taichi_disk.web.film import film
-from taichi_disk.window.sandbox import Sandbox
 
 
-class Films:
-    """Makes films of the scene of `sandbox`.
+async def make_film(scene: Scene) -> str:
+    """Return a film to play with, an HTML page, of `scene` from its start, as `run`
+    computes it.
 
-    Attributes:
-        page: the last film, an HTML page that nobody has taken yet, or "".
+    Another process makes the film, so that the sandbox goes on meanwhile. Raises
+    TaichiDiskError if the scene cannot be computed.
     """
-
-    def __init__(self, sandbox: Sandbox) -> None:
-        self.page = ""
-        self._sandbox = sandbox
-
-    def film(self) -> None:
-        """Make the film of the scene from its start, as `run` computes it. Raises
-        TaichiDiskError."""
-        scene = self._sandbox.scene
-        outcome = compute(scene.scenario(body_of(scene)), estimate=False)
-        with TemporaryDirectory() as folder:
-            path = Path(folder, "disk.html")
-            write = film(path, [outcome], scene.video, silent)
-            write()
-            self.page = path.read_text(encoding="utf-8")
-
-    def take(self) -> str:
-        """Return the last film and forget it."""
-        page = self.page
-        self.page = ""
+    pool = Pool(1)
+    try:
+        page = await asyncio.wrap_future(pool.submit(_page, scene))
+        # the process saves its compiled kernels
+        await asyncio.to_thread(pool.shutdown)
         return page
+    finally:
+        pool.kill()
+
+
+def _page(scene: Scene) -> str:
+    runtime.start()
+    outcome = compute(scene.scenario(body_of(scene)), estimate=False)
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "disk.html")
+        write = film(path, [outcome], scene.video, silent)
+        write()
+        return path.read_text(encoding="utf-8")

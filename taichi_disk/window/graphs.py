@@ -104,7 +104,7 @@ _USUAL_POINTS = 1100  # points of the disks for which "force" above holds
 _GROWTH = 2.0  # factor by which a scale grows
 # ratio of a value to its scale from which on the scale grows; colours end before that
 _EXCESS = 1.5
-# smallest scale, over its estimate; smaller values are rounding errors
+# smallest ratio of a scale to its estimate; smaller values are rounding errors
 _SMALLEST = 1e-6
 
 
@@ -124,25 +124,21 @@ class ScaleMaxima:
     _estimate = 1.0
     _key: tuple[int, float, str] | None = None
 
-    def __init__(self, sandbox: Sandbox, quantity: str = "") -> None:
-        """`quantity`: the quantity that the colours show, "" for that of the scene."""
+    def __init__(self, sandbox: Sandbox) -> None:
         self._sandbox = sandbox
-        self._quantity = quantity
 
-    def update(self, values: NDArray[Any], forces: NDArray[Any]) -> None:
-        """Enlarge the scales to hold the disk's `values` (N,) and the wall's `forces`
-        (k, 3): point, fx, fy."""
-        sandbox = self._sandbox
-        segment = sandbox.time.display.segment
-        name = self._quantity or sandbox.scene.video.colour
-        key = sandbox.starts, segment.hit_began, name
+    def update(self, values: NDArray[Any], forces: NDArray[Any], quantity: str) -> None:
+        """Enlarge the scales to hold the disk's `values` (N,) of a quantity, and the
+        wall's `forces` (k, 3): point, fx, fy."""
+        segment = self._sandbox.time.display.segment
+        key = self._sandbox.starts, segment.hit_began, quantity
         if key != self._key:
             self._key = key
             self.note = ""
-            self._estimate = estimate_full(segment.scenario, name)
+            self._estimate = estimate_full(segment.scenario, quantity)
             self.colour = self._estimate
             self.force = round_near(segment.scenario.point_force)
-        largest = full_scale(values.astype(np.float64), name)
+        largest = full_scale(values.astype(np.float64), quantity)
         if self.colour == 0.0:
             is_noise = largest < _SMALLEST * self._estimate
             self.colour = self._estimate if is_noise else largest

@@ -82,11 +82,22 @@ class Experiment(
         angle, spin, friction: of the throw [rad], [c/R], and of the wall.
         eta_star, a, points: viscosity, hardness of the wall [1/R], number of the disk's
             mass points.
-        contact_time: [R/c].
+        contact_time: [R/c]; None, too, if the user interfered during the hit.
         disturbance: "" if the user did not interfere, else HIT_AGAIN or DISTURBED.
         turn, seed: initial rotation of the disk [rad], seed of its random points.
         wall: "rigid", or the boundary of the elastic wall.
     """
+
+
+# keys of the settings in a row
+_SETTINGS = {
+    "angle": "impact.angle",
+    "spin": "impact.spin",
+    "turn": "impact.turn",
+    "friction": "wall.friction",
+    "a": "wall.a",
+    "seed": "lattice.seed",
+}
 
 
 def experiment_of(segment: Segment) -> Experiment:
@@ -94,22 +105,21 @@ def experiment_of(segment: Segment) -> Experiment:
     scenario = segment.scenario
     scene = scenario.scene
     points = scenario.lattice.disk_points
-    numbers = scenario.result(segment.columns)
+    _, value = scenario.primary(segment.columns)
+    contact_time = scenario.result(segment.columns).get("contact_time")
+    if segment.label == DISTURBED:
+        contact_time = None  # a part of the contact may lie before the segment
+    settings = {name: value_of(scene, key) for name, key in _SETTINGS.items()}
     return Experiment(
         result=scenario.words.symbol,
-        value=next(iter(numbers.values())),
+        value=value,
         load=value_of(scene, load_key(scene)),
-        angle=value_of(scene, "impact.angle"),
-        spin=value_of(scene, "impact.spin"),
-        friction=value_of(scene, "wall.friction"),
         eta_star=scene.material.eta(points) * points,
-        a=scene.wall.a,
         points=points,
-        contact_time=numbers.get("contact_time"),
+        contact_time=contact_time,
         disturbance=segment.label,
-        turn=value_of(scene, "impact.turn"),
-        seed=scene.lattice.seed,
         wall=value_of(scene, "wall.boundary") or "rigid",
+        **settings,
     )
 
 
@@ -272,7 +282,8 @@ class Sandbox:
         self.results = [*self.results, experiment][-MAX_RESULTS:]
         self.paused = True
         digits = printed(experiment.result, experiment.value)
-        unit = next(iter(words.labels.values()))[1]
+        name, _ = segment.scenario.primary(segment.columns)
+        _, unit = words.labels[name]
         text = f"{words.end}: {experiment.result} = {digits} {unit}".rstrip()
         self.message = text
         if segment.label:
@@ -415,9 +426,18 @@ class Sandbox:
         self, scene: Scene, label: str, velocities: Array | None = None
     ) -> None:
         """Begin another segment; time goes on even if the end of the scene or a blow-up
-        had stopped it."""
+        had stopped it.
+
+        A new velocity or angle of the scene takes effect at the next hit only.
+        """
         status = self.time.segment.status
-        self.time.carry_on(scene, label, velocities)
+        thrown = scene
+        if label != HIT_AGAIN:
+            for key in THROW_KEYS:
+                value = value_of(self.time.segment.scenario.scene, key)
+                if value is not None:
+                    thrown = with_key(thrown, key, value)
+        self.time.carry_on(thrown, label, velocities)
         self.scene = scene
         self.grip = None
         self.paused = self.paused and status not in ("failed", "finished")

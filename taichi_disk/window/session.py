@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import json
 import struct
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -30,25 +32,23 @@ from taichi_disk.window.controls import (
     described,
     values_of,
 )
-from taichi_disk.window.films import Films
 from taichi_disk.window.graphs import CURVES, Graphs, ScaleMaxima
 from taichi_disk.window.look import Look
 from taichi_disk.window.sandbox import Sandbox, load_key, printed, value_of
 
 MAX_BYTES = 2**10  # limit of a page's message
 MAX_NUMBER = 1e7  # limit of a number in it
-# most commands between two pictures, without those that a later one replaces
+# most commands that wait for the next picture; of some, only the latest counts
 _MAX_PENDING = 64
 # A page's commands and their values, by the part of `Session` that has a method of the
 # same name. Those of the audience tell it that the page has drawn a state, that a
-# watcher asks to play, and that the player hands over or does not.
+# watcher asks to play, that the player hands over or does not, or wants a film.
 _METHODS = {
-    "controls": "press key, play number, set key value, speed value, collect",
+    "controls": "press key, play number, set key value, collect",
     "sandbox": "scrub t, turn angle final, aim dx dy, throw, pull x y, release, clear,"
     " remove number",
     "scales": "rescale",
-    "films": "film",
-    "audience": "seen number, ask, hand, keep",
+    "audience": "seen number, ask, hand, keep, film",
 }
 _COMMANDS = {
     do: (part, values)
@@ -56,7 +56,7 @@ _COMMANDS = {
     for do, *values in map(str.split, text.split(", "))
 }
 # commands of which only the latest counts
-_REPLACED = ("set", "speed", "scrub", "turn", "aim", "pull", "film")
+_REPLACED = ("set", "scrub", "turn", "aim", "pull")
 # points; a larger lattice takes longer to build than a picture may take
 LARGE_LATTICE = 5000
 HEADER = struct.Struct("<IdIIiI2f")  # see `Session._state`
@@ -88,12 +88,8 @@ class Session:
     Vulkan is needed.
 
     Attributes:
-        sandbox, controls, scales, films: the disk, the user's controls, the scales of
-            colours and arrows, and the films that pages save.
-        texts: the present JSON message of each kind: "hello", "scene", "graphs", "yaml"
-            and "panel".
+        sandbox, controls: the disk and the user's controls.
         number: of the last state.
-        state: the last state, the binary message of a picture.
     """
 
     def __init__(self, playlist: list[Preset], kernels: KernelCache) -> None:
@@ -102,18 +98,17 @@ class Session:
         self._program = engine.program()
         self.sandbox = Sandbox(playlist[0].load(), kernels)
         self.controls = Controls(self.sandbox, playlist)
-        self.scales = ScaleMaxima(self.sandbox)
         self.graphs = Graphs(self.sandbox)
-        self.films = Films(self.sandbox)
-        self.texts: dict[str, str] = {}
-        self.state = b""
         self.number = 0
         self._command_count = 0
         self._pending: dict[Any, dict[str, Any]] = {}
-        self._text_keys: dict[str, Any] = {}
-        # what watchers see who have chosen another look
-        self._other_scales: dict[str, ScaleMaxima] = {}
-        self._other_messages: dict[Look, dict[str, Any]] = {}
+        new_scales = partial(ScaleMaxima, self.sandbox)
+        self._scales: dict[str, ScaleMaxima] = defaultdict(new_scales)  # by quantities
+        # the last texts by their kind and look, each with what it depends on
+        self._texts: dict[tuple[str, Look | None], tuple[Any, str]] = {}
+        # messages of the present picture: for everybody, and by looks
+        self._shared: dict[str, str] = {}
+        self._pictures: dict[Look, dict[str, Any]] = {}
         hello = {
             "columns": [*INDEX],
             "playlist": [_card(entry) for entry in playlist],
@@ -121,7 +116,7 @@ class Session:
             "keys": self.controls.reference,
             "repeating": REPEATING_KEYS,
         }
-        self._write("hello", 0, lambda: hello)
+        self._shared["hello"] = self._text("hello", 0, lambda: hello)
         self.advance()
 
     # ---- commands
@@ -166,25 +161,27 @@ class Session:
         """How the disk is drawn for the player."""
         return Look.of(self.sandbox.scene.video)
 
-    def messages(self, look: Look) -> dict[str, Any]:
-        """Return the present message of each kind for a visitor with this look."""
-        if look == self.look:
-            return {**self.texts, "state": self.state}
-        if look not in self._other_messages:
-            self._other_messages[look] = self.texts | self._messages_of(look)
-        return self._other_messages[look]
+    @property
+    def scales(self) -> ScaleMaxima:
+        """The scales of the player's picture."""
+        return self._scales[self.look.colour]
 
-    def _messages_of(self, look: Look) -> dict[str, Any]:
+    def messages(self, look: Look) -> dict[str, Any]:
+        """Return the present messages for a visitor with this look: the JSON texts
+        "hello", "scene", "graphs", "panel" and "yaml", and the binary "state"."""
+        if look not in self._pictures:
+            self._pictures[look] = self._picture(look)
+        return self._shared | self._pictures[look]
+
+    def _picture(self, look: Look) -> dict[str, Any]:
         """Return the messages that depend on the look."""
-        if look.colour not in self._other_scales:
-            self._other_scales[look.colour] = ScaleMaxima(self.sandbox, look.colour)
-        scales = self._other_scales[look.colour]
         scene = self.sandbox.scene
         shown = replace(scene, video=replace(scene.video, **look._asdict()))
-        state = self._state(look, scales)
+        state = self._state(look)
+        panel = self._panel(look)
         return {
-            "panel": _text("panel", self._panel(look, scales)),
-            "yaml": _text("yaml", {"text": shown.to_yaml()}),
+            "panel": self._text("panel", panel, lambda: panel, look),
+            "yaml": self._text("yaml", shown, lambda: {"text": shown.to_yaml()}, look),
             "state": state,
         }
 
@@ -201,7 +198,11 @@ class Session:
             self.sandbox.tick()
         except Exception as error:
             self._begin_anew(described(error))
-        self.number += 1
+        self._write_messages()
+
+    def tell(self, message: str) -> None:
+        """Show a message to all visitors."""
+        self.sandbox.message = message
         self._write_messages()
 
     def _carry_out_commands(self) -> None:
@@ -225,16 +226,15 @@ class Session:
             sandbox.message = f"{reason}: {described(error)}"
 
     def _write_messages(self) -> None:
-        sandbox = self.sandbox
-        self._write("scene", self._scene_key(), self._scene)
+        self.number += 1
+        shared = self._shared
+        shared["scene"] = self._text("scene", self._scene_key(), self._scene)
         # While the scene is computed again, the old curves stay.
-        if sandbox.time.lead <= 0.0:
-            self._write("graphs", self._graphs_key(), self.graphs.message)
-        self._write("yaml", sandbox.scene, lambda: {"text": sandbox.scene.to_yaml()})
-        self.state = self._state(self.look, self.scales)
-        panel = self._panel(self.look, self.scales)
-        self._write("panel", panel, lambda: panel)
-        self._other_messages = {}
+        if self.sandbox.time.lead <= 0.0:
+            key = self._graphs_key()
+            shared["graphs"] = self._text("graphs", key, self.graphs.message)
+        self._pictures = {}
+        self.messages(self.look)  # the player's scales grow with every picture
 
     def _scene_key(self) -> Any:
         """The scene is sent again if the lattice, the start or the wall's drawing
@@ -257,14 +257,21 @@ class Session:
         is_past = time.lead < 0.0
         return last, hit_began, last.status, self.sandbox.paused, is_past
 
-    def _write(
-        self, kind: str, key: Any, content: Callable[[], dict[str, Any]]
-    ) -> None:
-        """Replace the text of a kind if `key`, on which its content depends, has
-        changed."""
-        if self._text_keys.get(kind) != key:
-            self._text_keys[kind] = key
-            self.texts[kind] = _text(kind, content())
+    def _text(
+        self,
+        kind: str,
+        key: Any,
+        content: Callable[[], dict[str, Any]],
+        look: Look | None = None,
+    ) -> str:
+        """Return a JSON message, for one look or for all. It is written again only if
+        `key`, on which its content depends, has changed."""
+        key_before, text = self._texts.get((kind, look), (None, ""))
+        if key != key_before:
+            # in ASCII: names of files may hold what is no Unicode
+            text = json.dumps({"kind": kind} | content())
+            self._texts[kind, look] = key, text
+        return text
 
     def _scene(self) -> dict[str, Any]:
         scenario = self.sandbox.time.display.segment.scenario
@@ -273,7 +280,7 @@ class Session:
             "start": self.sandbox.starts
         }
 
-    def _state(self, look: Look, scales: ScaleMaxima) -> bytes:
+    def _state(self, look: Look) -> bytes:
         """Return the binary message of a picture, little-endian.
 
         HEADER holds the number, t since the hit began [R/c], points, forces, the point
@@ -292,7 +299,8 @@ class Session:
         of_springs = look.draw == "springs"
         values = colour_values(look.colour, self._triangles, springs, x, v, of_springs)
         forces = contact_forces(scenario.model.wall, lattice, springs, x, v)
-        scales.update(values[: lattice.disk_points], forces)
+        scales = self._scales[look.colour]
+        scales.update(values[: lattice.disk_points], forces, look.colour)
         pulled = sandbox.grip[0] if sandbox.grip else -1
         t = state.t - state.segment.hit_began
         header = HEADER.pack(
@@ -316,17 +324,17 @@ class Session:
         scenario = time.display.segment.scenario
         lines = [*scenario.caption(time.display.values | {"t": t})]
         if time.segment.status == "finished" and time.lead == 0.0:
-            result = next(iter(scenario.result(time.segment.columns).values()))
+            _, result = scenario.primary(time.segment.columns)
             symbol = scenario.words.symbol
             lines.append(f"*{symbol} = {printed(symbol, result)}")
         return "\n".join(lines)
 
-    def _panel(self, look: Look, scales: ScaleMaxima) -> dict[str, Any]:
+    def _panel(self, look: Look) -> dict[str, Any]:
         sandbox = self.sandbox
         controls = self.controls
         entry = controls.playlist[controls.number]
         return {
-            "message": sandbox.message or scales.note,
+            "message": sandbox.message or self._scales[look.colour].note,
             "status": sandbox.status,
             "warnings": sandbox.warnings,
             "paused": sandbox.paused,
@@ -368,8 +376,11 @@ class Session:
         return ""
 
     def _sliders(self) -> list[dict[str, Any]]:
-        """Return the numbers of the scene. `live`: whether a number changes during the
-        drag of its slider; a change that takes long waits for the end of the drag."""
+        """Return the sliders of the scene.
+
+        `live`: whether the number changes while its slider is dragged. A change that
+        takes long waits until the slider is let go.
+        """
         sandbox = self.sandbox
         is_large = sandbox.scene.lattice.points > LARGE_LATTICE
         is_slow = sandbox.at_start and (is_large or not sandbox.can_aim)
@@ -392,11 +403,6 @@ class Session:
                 choice = {"key": key, "name": name, "value": value}
                 choices.append(choice | {"options": values_of(key)})
         return choices
-
-
-def _text(kind: str, content: dict[str, Any]) -> str:
-    """Return a JSON message, in ASCII: names of files may hold what is no Unicode."""
-    return json.dumps({"kind": kind} | content)
 
 
 def _card(entry: Preset) -> dict[str, Any]:

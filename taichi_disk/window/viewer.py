@@ -96,7 +96,7 @@ class Viewer:
         add("p w", "save a picture, the scene", self._save, ".png", ".yaml")
         add("Tab", "these keys", self._toggle, "keys")
         add("q", "close the window", self._toggle, "close")
-        # those of "follow", "keys" and "close" that are on
+        # the modes "follow", "keys" and "close", as far as they are on
         self._modes: set[str] = set()
         self._at = (0.0, 0.0)  # position of the mouse [px]
         # Action of the pressed mouse at (x, y) [R]; the third argument says whether it
@@ -156,9 +156,8 @@ class Viewer:
         if "follow" in self._modes:
             self.camera = replace(self.camera, look_at=self._centre)
         values = painter.values(state.x, state.v)[: lattice.disk_points]
-        self._scales.update(
-            values, contact_forces(wall, lattice, springs, state.x, state.v)
-        )
+        forces = contact_forces(wall, lattice, springs, state.x, state.v)
+        self._scales.update(values, forces, video.colour)
         painter.limit = self._scales.colour
         painter.full_force = self._scales.force
         canvas = self._window.get_canvas()
@@ -167,15 +166,10 @@ class Viewer:
         # (foot, tip) [R] of the drawn throw and of the mouse's pull
         strokes: list[Any] = []
         if sandbox.drawn_throw:
-            (velocity, angle) = sandbox.drawn_throw
+            velocity, angle = sandbox.drawn_throw
             centre = np.array(self._centre)
-            strokes.append(
-                (
-                    centre,
-                    centre
-                    + velocity / AIM_SCALE * np.array([np.sin(angle), -np.cos(angle)]),
-                )
-            )
+            direction = np.array([np.sin(angle), -np.cos(angle)])
+            strokes.append((centre, centre + velocity / AIM_SCALE * direction))
         if sandbox.grip:
             strokes.append((state.x[sandbox.grip[0]], sandbox.grip[1]))
         for foot, tip in np.array(strokes):
@@ -221,14 +215,11 @@ class Viewer:
                 f"up to {self._scales.colour:.3g} {quantity.unit}",
             )
             write(sandbox.status, *sandbox.warnings, sandbox.message)
-            write(
-                *(
-                    f"{one.result} = {one.value:.6f} {one.disturbance}"
-                    for one in sandbox.results[-5:]
-                )
-            )
+            for row in sandbox.results[-5:]:
+                write(f"{row.result} = {row.value:.6f} {row.disturbance}")
             if "keys" in self._modes:
-                write(*(f"{keys:<11}{meaning}" for keys, meaning in controls.reference))
+                for keys, meaning in controls.reference:
+                    write(f"{keys:<11}{meaning}")
 
     # ---- the camera
 
@@ -239,18 +230,12 @@ class Viewer:
 
     def see_all(self) -> None:
         """See the whole scene."""
-        left, right, low, high = self.sandbox.time.display.segment.scenario.view
-        low = (
-            low if len(self.painter.lattice.wall_surface) else self.painter.edge - 0.14
-        )
-        self._see(
-            (
-                left,
-                right,
-                low,
-                max(high, float(self.sandbox.time.display.x[:, 1].max()) + 0.02),
-            )
-        )
+        state = self.sandbox.time.display
+        left, right, low, high = state.segment.scenario.view
+        if not len(self.painter.lattice.wall_surface):
+            low = self.painter.edge - 0.14
+        top = float(state.x[:, 1].max()) + 0.02
+        self._see((left, right, low, max(high, top)))
 
     def _see_contact(self) -> None:
         x = self._centre[0]
@@ -296,15 +281,19 @@ class Viewer:
             self._drag = None if is_over else self._drag
 
     def _press(self, right: bool) -> None:
-        """Begin to drag the picture; at the start the disk, or beside it the throw;
-        later a point."""
+        """Choose what a drag of the mouse does from where it was pressed.
+
+        The right button moves the picture. Before the throw, the left button turns the
+        disk, or aims if the mouse is beside the disk; later it pulls the nearest point.
+        """
         if self._at[0] < PANEL_WIDTH:
             return
         sandbox = self.sandbox
         (cx, cy) = self._centre
         x0, y0 = self.camera.to_scene(self._at).tolist()
         disk = sandbox.time.display.x[: self.painter.lattice.disk_points]
-        is_inside = hypot(x0 - cx, y0 - cy) <= np.hypot(*(disk - (cx, cy)).T).max()
+        radius = np.hypot(*(disk - self._centre).T).max()
+        is_inside = hypot(x0 - cx, y0 - cy) <= radius
 
         def pan(x: float, y: float, is_over: bool) -> None:
             self.camera = self.camera.panned(
@@ -328,15 +317,14 @@ class Viewer:
             else:
                 sandbox.pull(x, y)
 
-        self._drag = (
-            pan
-            if right
-            else pull
-            if not sandbox.can_aim
-            else turn
-            if is_inside
-            else aim
-        )
+        if right:
+            self._drag = pan
+        elif not sandbox.can_aim:
+            self._drag = pull
+        elif is_inside:
+            self._drag = turn
+        else:
+            self._drag = aim
 
     def _toggle(self, mode: str) -> None:
         self._modes ^= {mode}
@@ -353,8 +341,7 @@ class Viewer:
             self._window.save_image(str(path))
         else:
             write_text(path, self.sandbox.scene.to_yaml())
-        incomplete = suffix == ".yaml" and self.sandbox.time.display.segment.label
-        self.sandbox.message = (
-            "wrote"
-            f" {path}{', without the changes during the motion' if incomplete else ''}"
-        )
+        message = f"wrote {path}"
+        if suffix == ".yaml" and self.sandbox.time.display.segment.label:
+            message += ", without the changes during the motion"
+        self.sandbox.message = message

@@ -146,7 +146,8 @@ def states(scene: str, settings: tuple[str, ...]) -> tuple[float, int]:
     for _ in range(COUNTED):
         session.advance()
     of_all = time.process_time() - began - stepping
-    return of_all / COUNTED, len(session.state)
+    state = session.messages(session.look)["state"]
+    return of_all / COUNTED, len(state)
 
 
 def browse(scene: str, settings: tuple[str, ...]) -> list[float]:

@@ -68,7 +68,7 @@ async def until(condition: Callable[[], object]) -> None:
 @pytest.mark.validate
 def test_a_widget_is_played_with_while_cells_compute(tmp_path: Path) -> None:
     async def act(sandbox: Any, say: Callable[..., None], sent: list[Any]) -> None:
-        say("speed", value=10.0)
+        say("set", key="speed", value=10.0)
         say("press", key="space")
         await until(lambda: sandbox.results)
         result = run(sandbox.scene, video=False, lattices=1)  # a cell

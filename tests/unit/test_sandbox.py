@@ -392,6 +392,27 @@ def test_the_velocity_counts_at_once_before_the_start_and_later_from_the_next_hi
     assert 0.3 < sandbox.results[0].value < 1.5
 
 
+def test_a_new_velocity_is_not_taken_for_that_of_the_hit_in_progress(
+    kernels: KernelCache,
+) -> None:
+    sandbox = opened(kernels)
+    to_the_end(sandbox)
+    expected = sandbox.results[-1]
+    assert expected.contact_time and expected.contact_time > 1.0
+    sandbox.set("impact.velocity", 0.01)
+    sandbox.set("material.eta_star", 2.0)
+    to_the_end(sandbox)
+    disturbed = sandbox.results[-1]
+    assert disturbed.disturbance == "disturbed"
+    assert disturbed.load == expected.load
+    assert disturbed.value == pytest.approx(expected.value, abs=0.02)
+    assert disturbed.contact_time is None  # the contact was over before
+    sandbox.hit_again()
+    to_the_end(sandbox)
+    again = sandbox.results[-1]
+    assert again.load == 0.01 and again.contact_time and again.contact_time > 1.0
+
+
 def test_going_back_before_a_change_undoes_it(kernels: KernelCache) -> None:
     sandbox = opened(kernels)
     to_the_end(sandbox)
