@@ -37,21 +37,17 @@ def relative_imbalance(scenario: Scenario, columns: Columns) -> tuple[float, flo
 
 
 def summary(scenario: Scenario, columns: Columns) -> dict[str, Any]:
-    closing, worst = relative_imbalance(scenario, columns)
-    names = [
-        name
-        for name in of_kind("energy", "loss", "part")
-        if name != "friction" or columns[name].any()
-    ]
-    energies = {name: float(columns[name][-1]) for name in names}
+    found = {}
+    for name in of_kind("energy", "loss", "part"):
+        if name != "friction" or columns[name].any():
+            found[name] = float(columns[name][-1])
     if columns["translation"][0]:
-        energies["vibration_left"] = vibration_left(columns)
-    scale = scenario.energy_scale(columns)
-    return energies | {
-        "scale": scale,
-        "closing_imbalance": closing,
-        "worst_imbalance": worst,
-    }
+        found["vibration_left"] = vibration_left(columns)
+    closing, worst = relative_imbalance(scenario, columns)
+    found["scale"] = scenario.energy_scale(columns)
+    found["closing_imbalance"] = closing
+    found["worst_imbalance"] = worst
+    return found
 
 
 def unacceptable(scenario: Scenario, columns: Columns) -> str | None:
@@ -68,36 +64,39 @@ def unacceptable(scenario: Scenario, columns: Columns) -> str | None:
 
 
 def warnings(scenario: Scenario, columns: Columns) -> list[str]:
-    found = [unacceptable(scenario, columns)]
-    slid = float(np.abs(columns["sliding"]).max()) / scenario.energy_scale(columns)
-    if slid > MAX_IMBALANCE:
-        found.append(
-            "points of the disk slid from spring to spring of the dented wall, which"
-            f" changed the energy by {slid:.2g} of the kinetic energy: the contact law"
-            " does this at any time step, and it limits the accuracy of e; write"
-            " wall.contact: smooth, which has no such jumps, or a lower"
-            " impact.velocity or a higher material.k_a"
-        )
-    return [
-        text
-        for text in (
-            *found,
-            _faster_than_before(columns),
-            _rotation_lost(scenario, columns),
-        )
-        if text
+    candidates = [
+        unacceptable(scenario, columns),
+        _sliding(scenario, columns),
+        _faster_than_before(columns),
+        _rotation_lost(scenario, columns),
     ]
+    return [text for text in candidates if text]
+
+
+def _sliding(scenario: Scenario, columns: Columns) -> str:
+    loss = float(np.abs(columns["sliding"]).max())
+    fraction = loss / scenario.energy_scale(columns)
+    if fraction <= MAX_IMBALANCE:
+        return ""
+    return (
+        "points of the disk slid from spring to spring of the dented wall, which"
+        f" changed the energy by {fraction:.2g} of the kinetic energy: the contact law"
+        " does this at any time step, and it limits the accuracy of e; write"
+        " wall.contact: smooth, which has no such jumps, or a lower"
+        " impact.velocity or a higher material.k_a"
+    )
 
 
 def _faster_than_before(columns: Columns) -> str:
-    before, after = (float(columns["com_vy"][k] ** 2) for k in (0, -1))
-    if not before or after <= (1.0 + MAX_IMBALANCE) * before:
-        return ""
+    # twice the kinetic energies; the mass is 1 M
+    towards_wall = columns["com_vy"] ** 2
+    along_wall = columns["com_vx"] ** 2
     spin = 2.0 * columns["rotation"]
-    along = columns["com_vx"] ** 2
-    spin_part, along_part = (
-        round(float(one[0] - one[-1]) / before, 4) + 0.0 for one in (spin, along)
-    )
+    initial = float(towards_wall[0])
+    if not initial or towards_wall[-1] <= (1.0 + MAX_IMBALANCE) * initial:
+        return ""
+    spin_part = _fraction_lost(spin, initial)
+    along_part = _fraction_lost(along_wall, initial)
     return (
         "e is above 1 because the impact turned other energy into flight away from the"
         f" wall: {spin_part:+g} of the energy of the flight towards it came from the"
@@ -106,25 +105,25 @@ def _faster_than_before(columns: Columns) -> str:
     )
 
 
+def _fraction_lost(energy: Array, scale: float) -> float:
+    """Return the loss of an energy (rows,) from the first to the last row, over
+    `scale`."""
+    return round(float(energy[0] - energy[-1]) / scale, 4) + 0.0  # no "-0"
+
+
 def _rotation_lost(scenario: Scenario, columns: Columns) -> str:
     t = columns["t"]
     spin = columns["angular_momentum"]
     start, _ = contact_interval(t, columns["wall_force"], columns["com_vy"])
-    flights = [(spin[0], float(np.interp(start, t, spin)), "before the contact")]
+    flights = {"before the contact": (0.0, start)}
     if "spin_after" in scenario.result(columns):
-        after = float(np.interp(results_time(columns), t, spin))
-        flights.append(
-            (
-                after,
-                spin[-1],
-                "after the contact, at the end of which results are measured",
-            )
-        )
-    lost = [
-        f"{1.0 - last / first:.0%} of the angular momentum {when}"
-        for first, last, when in flights
-        if abs(first) > MIN_SPIN and abs(last - first) > MAX_SPIN_LOSS * abs(first)
-    ]
+        when = "after the contact, at the end of which results are measured"
+        flights[when] = results_time(columns), t[-1]
+    lost = []
+    for when, flight in flights.items():
+        first, last = np.interp(flight, t, spin)
+        if abs(first) > MIN_SPIN and abs(last - first) > MAX_SPIN_LOSS * abs(first):
+            lost.append(f"{1.0 - last / first:.0%} of the angular momentum {when}")
     if not lost:
         return ""
     remedy = (
@@ -147,24 +146,24 @@ class EnergyBalance:
         """Return the index of the first invalid row of the new `rows` (rows, columns),
         or None."""
         with np.errstate(invalid="ignore"):
-            size = np.maximum.accumulate(np.append(self._largest, self._size(rows)))
-            lost = np.maximum(
-                np.abs(self.imbalance(rows)), np.abs(rows[:, INDEX["sliding"]])
-            )
+            largest = np.maximum.accumulate(np.append(self._largest, self._size(rows)))
+            imbalance = np.abs(self.imbalance(rows))
+            lost = np.maximum(imbalance, np.abs(rows[:, INDEX["sliding"]]))
+            allowed = BLOW_UP * largest[1:] + 1e-300
             # infinite: deep inside a wall
-            bad = ~((lost <= BLOW_UP * size[1:] + 1e-300) & (lost < np.inf))
-        if bad.any():
-            return int(bad.argmax())
-        self._largest = float(size[-1])
+            is_valid = (lost <= allowed) & (lost < np.inf)
+        if not is_valid.all():
+            return int(is_valid.argmin())
+        self._largest = float(largest[-1])
         return None
 
     def _size(self, rows: Array) -> Array:
         """Return the energy scale of each row, against which the imbalance is judged,
         (rows,) [M c^2]."""
-        size = np.abs(rows[:, [INDEX["kinetic"], INDEX["elastic"], INDEX["wall"]]]).sum(
-            axis=1
-        )
-        return np.asarray(size + np.abs(rows[:, INDEX["load"]] - self._load))
+        names = ("kinetic", "elastic", "wall")
+        stored = np.abs(rows[:, [INDEX[name] for name in names]]).sum(axis=1)
+        work = np.abs(rows[:, INDEX["load"]] - self._load)
+        return np.asarray(stored + work)
 
     def give(self, energy: float) -> None:
         """Count energy [M c^2] that entered through `load` from outside, so that it is
@@ -212,16 +211,20 @@ def gone_through(lattice: Lattice, model: Model, x: Array, energy: float) -> boo
     surface = x[lattice.wall_surface]
     px, py = disk[disk[:, 1] < surface[:, 1].max()].T[:, :, None]
     # twice the depth that the potential permits
-    deep = -2.0 * wall.height_of(max(energy, wall.V0))
-    # the wall's outline
-    a = np.concatenate([x[lattice.wall_boundary], surface[-2:0:-1] - [0.0, deep]])
-    b = np.roll(a, -1, axis=0)
+    depth = -2.0 * wall.height_of(max(energy, wall.V0))
+    lowered_surface = surface[-2:0:-1] - [0.0, depth]
+    outline = np.concatenate([x[lattice.wall_boundary], lowered_surface])
+    # edges of the outline, from a to b
+    ax, ay = outline.T
+    bx, by = np.roll(outline, -1, axis=0).T
     with np.errstate(divide="ignore", invalid="ignore"):
-        height = a[:, 1] + (px - a[:, 0]) / (b[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])
+        fraction = (px - ax) / (bx - ax)  # of the edge
+        edge_height = ay + fraction * (by - ay)
     # edges that a ray upwards from the point crosses
-    crossed = ((a[:, 0] <= px) != (b[:, 0] <= px)) & (height > py)
+    is_between = (ax <= px) != (bx <= px)
+    is_crossed = is_between & (edge_height > py)
     # a ray that starts inside crosses an odd number of edges
-    return bool((crossed.sum(axis=1) % 2).any())
+    return bool((is_crossed.sum(axis=1) % 2).any())
 
 
 def inverted_triangles(lattice: Lattice, x: Array) -> int:
@@ -240,11 +243,9 @@ def explained(scenario: Scenario, dt: float, part: float, x: Array, lost: str) -
     strain = model.springs.strain(lattice, x)
     worst = int(np.abs(strain).argmax())
     i, j = lattice.bonds[worst]
-    auto = (
-        ""
-        if scenario.scene.time.dt == "auto"
-        else "set time.dt: auto; if that fails too, "
-    )
+    auto = ""
+    if scenario.scene.time.dt != "auto":
+        auto = "set time.dt: auto; if that fails too, "
     if auto and part > 1.0:
         cause = "the step is beyond the stability limit: set time.dt: auto"
     elif model.elastic:
