@@ -58,7 +58,7 @@ class PanelPictures:
     """The drawn panel.
 
     Attributes:
-        coming, past: pictures (height, width, 3) with grey and with coloured curves.
+        coming, past: pictures (height, width, 4) with grey and with coloured curves.
         boxes: left, right, top and bottom of each pair of axes [px].
         rows: of each curve, its row [px] at each column of the axes.
         names: left, right, top and bottom of the names of curves [px].
@@ -117,7 +117,7 @@ def draw_panel(scene: PanelScene) -> PanelPictures:
         boxes = [_box(ax, height) for ax in axes]
         names = _write_names(figure, scene, boxes[2], rows)
         canvas.draw()
-        image = np.asarray(canvas.buffer_rgba())[..., :3]
+        image = np.asarray(canvas.buffer_rgba())
         grey = image.copy()
         # draws only the curves again, which takes a tenth of the time
         for curve, line in zip(scene.curves, lines, strict=True):

@@ -39,6 +39,7 @@ from taichi_disk.render.panel import Panel, begin_panel
 from taichi_disk.render.pictures import Pictures, arranged
 from taichi_disk.render.recording import CommonScales, Flight, Recording
 from taichi_disk.render.scales import Scales
+from taichi_disk.render.video import GIF_FPS
 from taichi_disk.render.video import video as encoded
 from taichi_disk.signals import raise_if_interrupted
 
@@ -101,6 +102,8 @@ def film(
     require_film()
     carried = film_origin(runs, video)
     flights = [Flight.of(run, video.flight) for run in runs]
+    if path.suffix == ".gif":
+        video = replace(video, fps=min(video.fps, GIF_FPS))
     if path.suffix == ".png":
         shots = [still_cue(runs[0], span)]
         video = replace(video, supersample=2.0)

@@ -171,7 +171,7 @@ class Pictures:
         for line in self._scales.pace_lines(captions[0].pace):
             line.draw(self._draw, 0.0, self._footer)
         if self._panel:
-            self._panel.draw(self._picture[:, self._disks :, :3], t)
+            self._panel.draw(self._picture[:, self._disks :], t)
         return self._picture
 
     def again(self) -> Picture:
