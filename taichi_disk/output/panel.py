@@ -88,8 +88,8 @@ ON_DARK = {
 
 
 def factored(label: str, largest: float) -> tuple[str, float]:
-    """Return the label of an axis with the power of ten of its `largest` value in its
-    unit, and that power."""
+    """Return an axis label with a power of ten in its unit, chosen by the `largest`
+    value of the axis, and the power (1 if the label stays)."""
     power = math.floor(math.log10(largest)) if largest > 0.0 else 0
     if _POWERS[0] <= power <= _POWERS[1] or "[" not in label:
         return label, 1.0

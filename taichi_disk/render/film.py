@@ -132,11 +132,14 @@ def film(
 
 
 def common_span(flights: Sequence[Flight]) -> tuple[float, float]:
-    """Return the first and last time of a film of several runs [R/c]: none flies
-    higher than alone, unless another run still goes on."""
+    """Return the first and last time of a film of several runs [R/c].
+
+    No disk flies higher than in a film of its own, unless another run still goes on.
+    """
     start = max(one.start for one in flights)
-    last = max(float(one.run.columns["t"][-1]) for one in flights)
-    return start, max(min(one.end for one in flights), last)
+    last_run = max(float(one.run.columns["t"][-1]) for one in flights)
+    shortest_flight = min(one.end for one in flights)
+    return start, max(shortest_flight, last_run)
 
 
 def film_origin(runs: Sequence[Run], video: VideoSection) -> str:
