@@ -160,11 +160,14 @@ def _xyz_columns(lattice: Lattice, frame: Frame) -> dict[str, Array]:
         "pressure": frame.points["pressure"],
     }
     ends = lattice.bonds.ravel()
-    springs = np.maximum(np.bincount(ends, minlength=n), 1)
+    springs_at_point = np.maximum(np.bincount(ends, minlength=n), 1)
     for name, values in frame.springs.items():
-        mean = np.bincount(ends, np.repeat(values, 2), n) / springs
-        columns[f"springs_{name}"] = mean
-    columns["springs_energy"] *= 0.5 * springs
+        total = np.bincount(ends, np.repeat(values, 2), n)
+        if name == "energy":
+            # half of a spring's energy belongs to each of its ends
+            columns[f"springs_{name}"] = 0.5 * total
+        else:
+            columns[f"springs_{name}"] = total / springs_at_point
     return {
         name: _three_dimensional(values).reshape(n, -1)
         for name, values in columns.items()

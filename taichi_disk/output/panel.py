@@ -58,7 +58,7 @@ class PanelPictures:
     """The drawn panel.
 
     Attributes:
-        coming, past: pictures (height, width, 3) with grey and with coloured curves.
+        coming, past: pictures (height, width, 4) with grey and with coloured curves.
         boxes: left, right, top and bottom of each pair of axes [px].
         rows: of each curve, its row [px] at each column of the axes.
         names: left, right, top and bottom of the names of curves [px].
@@ -88,8 +88,8 @@ ON_DARK = {
 
 
 def factored(label: str, largest: float) -> tuple[str, float]:
-    """Return the label of an axis with the power of ten of its `largest` value in its
-    unit, and that power."""
+    """Return an axis label with a power of ten in its unit, chosen by the `largest`
+    value of the axis, and the power (1 if the label stays)."""
     power = math.floor(math.log10(largest)) if largest > 0.0 else 0
     if _POWERS[0] <= power <= _POWERS[1] or "[" not in label:
         return label, 1.0
@@ -117,7 +117,7 @@ def draw_panel(scene: PanelScene) -> PanelPictures:
         boxes = [_box(ax, height) for ax in axes]
         names = _write_names(figure, scene, boxes[2], rows)
         canvas.draw()
-        image = np.asarray(canvas.buffer_rgba())[..., :3]
+        image = np.asarray(canvas.buffer_rgba())
         grey = image.copy()
         # draws only the curves again, which takes a tenth of the time
         for curve, line in zip(scene.curves, lines, strict=True):

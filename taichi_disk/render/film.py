@@ -39,6 +39,7 @@ from taichi_disk.render.panel import Panel, begin_panel
 from taichi_disk.render.pictures import Pictures, arranged
 from taichi_disk.render.recording import CommonScales, Flight, Recording
 from taichi_disk.render.scales import Scales
+from taichi_disk.render.video import GIF_FPS
 from taichi_disk.render.video import video as encoded
 from taichi_disk.signals import raise_if_interrupted
 
@@ -101,6 +102,8 @@ def prepare_film(
     require_film()
     carried = film_origin(runs, video)
     flights = [Flight.of(run, video.flight) for run in runs]
+    if path.suffix == ".gif":
+        video = replace(video, fps=min(video.fps, GIF_FPS))
     if path.suffix == ".png":
         shots = [still_cue(runs[0], span)]
         video = replace(video, supersample=2.0)
@@ -129,11 +132,14 @@ def prepare_film(
 
 
 def common_span(flights: Sequence[Flight]) -> tuple[float, float]:
-    """Return the first and last time of a film of several runs [R/c]: none flies
-    higher than alone, unless another run still goes on."""
+    """Return the first and last time of a film of several runs [R/c].
+
+    No disk flies higher than in a film of its own, unless another run still goes on.
+    """
     start = max(one.start for one in flights)
-    last = max(float(one.run.series["t"][-1]) for one in flights)
-    return start, max(min(one.end for one in flights), last)
+    last_run = max(float(one.run.columns["t"][-1]) for one in flights)
+    shortest_flight = min(one.end for one in flights)
+    return start, max(shortest_flight, last_run)
 
 
 def film_origin(runs: Sequence[Run], video: VideoSection) -> str:

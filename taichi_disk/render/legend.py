@@ -205,7 +205,8 @@ class Legend:
         return lines
 
     def _remarks(self) -> list[Line]:
-        """Return the line above the edge of a rigid wall."""
+        """Return the painter's remarks as one line of text above the wall's edge; [] if
+        words stand in a band."""
         if self._is_band:
             return []
         text = "    ".join(self.painter.remarks)

@@ -328,11 +328,11 @@ class Painter:
             chain = placed[self.lattice.wall_surface]
         # Magnified displacements may move points into the wall, which would hide their
         # arrows.
-        feet[:, 1] = np.maximum(feet[:, 1], np.interp(feet[:, 0], *chain.T) + self.edge)
-        _, group = np.unique(np.floor(feet[:, 0] / distance), return_inverse=True)
-        sums = [np.bincount(group, part) for part in (*feet.T, *forces.T)]
-        x, y, fx, fy = sums / np.bincount(group)
-        return np.stack([x, y], axis=1), np.stack([fx, fy], axis=1)
+        surface = np.interp(feet[:, 0], *chain.T)
+        feet[:, 1] = np.maximum(feet[:, 1], surface + self.edge)
+        cells = np.floor(feet[:, 0] / distance)
+        _, group = np.unique(cells, return_inverse=True)
+        return _means(feet, group), _means(forces, group)
 
     def _of_springs(self, x: Array, v: Array, values: Array) -> Array:
         if QUANTITIES[self.colour].on != "springs":
@@ -357,6 +357,13 @@ class Painter:
     def draw_shape(self, canvas: Any, shape: geometry.Shape, camera: Camera) -> None:
         if len(shape[0]):
             draw_triangles(canvas, _put(camera, *shape))
+
+
+def _means(vectors: Array, group: NDArray[np.intp]) -> Array:
+    """Return the mean vector (g, 2) of each group. `group` (k,): number of the group of
+    each of `vectors` (k, 2)."""
+    sums = [np.bincount(group, part) for part in vectors.T]
+    return np.stack(sums, axis=1) / np.bincount(group)[:, None]
 
 
 def _scaled(style: ArrowStyle, unit: float, fade: float) -> ArrowStyle:

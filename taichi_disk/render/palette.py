@@ -26,10 +26,10 @@ class Theme:
     ground: Colour
     ink: Colour  # important text, outlines
     faint: Colour  # other text
-    wall: Colour  # body of the rigid wall, surface layer of the elastic wall
+    wall: Colour  # body of a rigid wall, and surface layer of an elastic wall
     arrow: Colour  # arrows of forces
     velocity: Colour  # arrow, number and curve of the velocity
-    rule: Colour  # lines of a graph
+    rule: Colour  # grid lines of a graph
     low: tuple[tuple[float, float, float], ...]
     zero: tuple[float, float, float]
     high: tuple[tuple[float, float, float], ...]

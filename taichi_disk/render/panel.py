@@ -82,7 +82,7 @@ class Panel:
         unit = height / 720
         self._span = scene.t[[0, -1]]
         self._drawn = lru_cache(drawn)
-        self._cursor = np.rint(255.0 * np.asarray(scene.colours["faint"]))
+        self._cursor = np.rint(255.0 * np.array([*scene.colours["faint"], 1.0]))
         self._cursor_width = max(round(2.0 * unit), 1)
         # Each dot covers a square of pixels, by parts from 0 to 1.
         self._reach = round(_DOT * unit) + 4
@@ -95,28 +95,23 @@ class Panel:
         inks = [np.array([*bytes.fromhex(one.colour[1:])]) for one in scene.curves]
         self._free = 1.0 - rimmed
         self._dots = [(rimmed - disc) * ground + disc * ink for ink in inks]
-        self._last: int | None = None  # column up to which curves are coloured
 
     def draw(self, picture: Picture, t: float) -> None:
-        """Draw the curves up to `t` [R/c] into `picture` (height, width, 3), which is
-        the same at each call."""
+        """Draw the curves up to `t` [R/c] into `picture` (height, width, 4)."""
         pictures = self._drawn()
         left, right, _, _ = pictures.boxes[0]
         start, end = self._span
-        column = left + round((right - left - 1) * (t - start) / (end - start))
-        now = max(column, left)
+        now = left + round((right - left - 1) * (t - start) / (end - start))
+        is_visible = left <= now < right
         if now >= right:
             now = self.width
-        changed = slice(0, self.width)
-        if self._last is not None:
-            first = max(min(self._last, now) - self._reach, 0)
-            changed = slice(first, max(self._last, now) + self._reach + 1)
-        self._last = now
-        picture[:, changed] = pictures.coming[:, changed]
-        past = slice(changed.start, now)
-        picture[:, past] = pictures.past[:, past]
-        if left <= column < right:
-            self._draw_cursor(picture, pictures, column)
+        # four bytes at a time, which is several times faster
+        pixels = picture.view(np.uint32)
+        pixels[...] = pictures.coming.view(np.uint32)
+        past = slice(max(now, 0))
+        pixels[:, past] = pictures.past.view(np.uint32)[:, past]
+        if is_visible:
+            self._draw_cursor(picture, pictures, now)
 
     def _draw_cursor(self, picture: Picture, pictures: PanelPictures, now: int) -> None:
         columns = slice(now, now + self._cursor_width)
@@ -130,5 +125,5 @@ class Panel:
             top = round(float(rows[now - left])) - self._reach
             first = now - self._reach
             size = len(dot)
-            patch = picture[top : top + size, first : first + size]
+            patch = picture[top : top + size, first : first + size, :3]
             patch[...] = np.rint(self._free * patch + dot)

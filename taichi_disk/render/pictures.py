@@ -20,7 +20,8 @@ from taichi_disk.render.scales import Scales
 from taichi_disk.render.video import Picture
 
 _MARGIN = 8.0  # margin beside the view in a picture of 720 pixels [px]
-_BEYOND = 3.0  # drawn around the view, for outlines and the wall's edge [px]
+# width of the strip drawn around the view, which outlines and the wall's edge need [px]
+_OVERDRAW = 3.0
 _CLEAR = 4.0  # least distance of the disk to words in a picture of 720 pixels [px]
 
 
@@ -77,9 +78,9 @@ def _drawn(camera: Camera, view: View) -> tuple[slice, slice]:
     xmin, xmax, ymin, ymax = view
     (left, top), (_, bottom) = camera.to_pixels([(xmin, ymax), (xmax, ymin)])
     middle = camera.width // 2
-    half = min(2 * int(0.5 * (middle - left + _BEYOND) + 1.0), middle)
-    first = 2 * int(max(0.5 * (top - _BEYOND), 0.0))
-    last = min(2 * int(0.5 * (bottom + _BEYOND)), camera.height)
+    half = min(2 * int(0.5 * (middle - left + _OVERDRAW) + 1.0), middle)
+    first = 2 * int(max(0.5 * (top - _OVERDRAW), 0.0))
+    last = min(2 * int(0.5 * (bottom + _OVERDRAW)), camera.height)
     return slice(first, last), slice(middle - half, middle + half)
 
 
@@ -87,8 +88,8 @@ class Pictures:
     """Pictures of one disk with curves at the right, or of several disks.
 
     An instance holds the process's only window until it is closed. Call `draw` in the
-    thread that made the instance; `finish` and `again`, which always return the same
-    array, in another. `width`: of a picture [px].
+    thread that made the instance. Call `finish` and `again` in another thread; they
+    always return the same array. `width`: width of a picture [px].
     """
 
     def __init__(
@@ -171,7 +172,7 @@ class Pictures:
         for line in self._scales.pace_lines(captions[0].pace):
             line.draw(self._draw, 0.0, self._footer)
         if self._panel:
-            self._panel.draw(self._picture[:, self._disks :, :3], t)
+            self._panel.draw(self._picture[:, self._disks :], t)
         return self._picture
 
     def again(self) -> Picture:

@@ -173,21 +173,22 @@ class Recording:
 
     def _replay(self) -> list[State]:
         """Begin the replay, and return the states that determine the scales."""
-        sampled = self._sampled()
-        times = np.union1d(sampled, self.times)
-        before = times[times <= sampled[-1]]
+        scale_times = self._sampled()
+        replay_times = np.union1d(scale_times, self.times)
+        count = int((replay_times <= scale_times[-1]).sum())
         # The moments of millions of points do not fit into memory, so such a film is
         # replayed twice.
-        self._is_twice = len(before) * self.run.positions.nbytes > MAX_BYTES
+        self._is_twice = count * self.run.positions.nbytes > MAX_BYTES
         if self._is_twice:
-            times = before = sampled
-        replay = self._flight.frames(times)
-        moments = list(islice(replay, len(before)))
-        self._rest = zip(times, chain(moments, replay), strict=True)
+            replay_times = scale_times
+            count = len(scale_times)
+        replay = self._flight.frames(replay_times)
+        first_states = list(islice(replay, count))
+        self._rest = zip(replay_times, chain(first_states, replay), strict=True)
         return [
             State(float(t), x, v)
-            for t, (_, x, v) in zip(before, moments, strict=True)
-            if t in sampled
+            for t, (_, x, v) in zip(replay_times, first_states, strict=False)
+            if t in scale_times
         ]
 
     def _sampled(self) -> Array:
@@ -248,7 +249,7 @@ class Recording:
         )
 
     def moments(self) -> Iterator[State]:
-        """Yield the moments at `times`; once for each recording."""
+        """Yield the states at `times`. Call it once, because it uses up the replay."""
         if self._is_twice:
             return self._flight.frames(self.times)
         return (moment for t, moment in self._rest if t in self.times)

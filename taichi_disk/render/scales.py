@@ -83,8 +83,8 @@ class Scales:
         self._face = Face(letters.small, ink(theme.ink))
         self._top = round(BAR_BELOW * letters.unit)
         self._bar_height = max(round(BAR_HEIGHT * letters.unit), 6)
-        self._numbers = self._top + self._bar_height + 1.35 * letters.small
-        self._words = self._numbers + 1.55 * letters.small
+        self._numbers_row = self._top + self._bar_height + 1.35 * letters.small
+        self._words_row = self._numbers_row + 1.55 * letters.small
         self.lines: list[Line] = []
         self._taken: list[Box] = []
         self._pace_rows: list[float] = []
@@ -96,7 +96,7 @@ class Scales:
         self._left = (self._width - self._bar_width) // 2
         if self.height:
             self._add_colours()
-            self._pace_rows = self._rows_for(paces)
+            self._pace_rows = self._reserve_pace_rows(paces)
             self._add_force(scale)
             self._add_ends()
 
@@ -144,13 +144,14 @@ class Scales:
             ticks = [(k / FRINGES, f"{k}") for k in range(FRINGES + 1)]
         for part, text in ticks:
             x = self._left + part * (self._bar_width - 1)
-            self._add(text, x, self._numbers, part=0.5)
-        self._add(words, self._width / 2, self._words, part=0.5)
+            self._add(text, x, self._numbers_row, part=0.5)
+        self._add(words, self._width / 2, self._words_row, part=0.5)
 
-    def _rows_for(self, paces: Collection[Sequence[str]]) -> list[float]:
-        """Return the rows that have room for all texts of the pace."""
+    def _reserve_pace_rows(self, paces: Collection[Sequence[str]]) -> list[float]:
+        """Reserve room at the right for the lines that tell the pace of the film, and
+        return the baselines [px] that have room for the longest text."""
         rows = []
-        for k, row in enumerate((self._numbers, self._words)):
+        for k, row in enumerate((self._numbers_row, self._words_row)):
             texts = [lines[k] for lines in paces if len(lines) > k]
             longest = max(texts, key=self._face.width, default="")
             if self._reserve(self._pace_line(longest, row)):
@@ -173,16 +174,16 @@ class Scales:
             return
         pixels = ARROW * scale / full  # length of an arrow for a force of 1 Mc²/R
         force = round_below(_ARROW * 720.0 * self._letters.unit / pixels)
-        if self._add(f"{label(force)} Mc²/R", margin, self._numbers):
+        if self._add(f"{label(force)} Mc²/R", margin, self._numbers_row):
             self._tip = margin + force * pixels
-            self._add("force on a point", margin, self._words)
+            self._add("force on a point", margin, self._words_row)
 
     def _add_ends(self) -> None:
         """Name the ends of the bar."""
         quantity = QUANTITIES[self._painter.colour]
         row = self._top + self._bar_height / 2 + 0.35 * self._face.size
         beside = 0.6 * self._face.size
-        self._taken.append((0.0, self._tip, 0.0, self._numbers))
+        self._taken.append((0.0, self._tip, 0.0, self._numbers_row))
         self._add(quantity.low, self._left - beside, row, part=1.0)
         self._add(quantity.high, self._left + self._bar_width + beside, row)
 

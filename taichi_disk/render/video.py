@@ -11,7 +11,6 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from fractions import Fraction
 from itertools import count
-from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -43,9 +42,10 @@ _OPTIONS = {
 _KEY_INTERVAL = 1.0  # time from one key picture to the next, for steps back [s]
 # primaries, transfer and matrix in H.273; without tags players guess the colours
 _BT709 = 1
+GIF_FPS = 50  # browsers show each picture of faster films for 100 ms
 _WAITING = 3  # pictures that may wait for the encoder
-_GIF_FPS = 50
 _GIF_SAMPLES = 12  # approximate number of pictures that determine the palette
+_GIF_EXACT = 16  # number of frequent colours that are kept exactly
 
 
 @contextmanager
@@ -93,9 +93,9 @@ def _stream(
 
     form = path.suffix
     width, height = size
-    options = {"fflags": "+bitexact"} | (
-        {"movflags": "+faststart"} if form == ".mp4" else {}
-    )
+    options = {"fflags": "+bitexact"}
+    if form == ".mp4":
+        options["movflags"] = "+faststart"
     # a Python file raises errors such as a full disk; FFmpeg does not
     with open(path, "w+b") as file:
         container = av.open(file, "w", format=form[1:], options=options)
@@ -108,8 +108,8 @@ def _stream(
         stream.pix_fmt = "yuv420p"
         context = stream.codec_context
         # The number of threads changes the bytes, so it must not depend on the machine.
-        # One thread is fastest, as
-        # long as it keeps up with the drawing, which keeps two cores busy.
+        # One thread is fastest, as long as it keeps up with the drawing, which keeps
+        # two cores busy.
         context.thread_count = 1 + min(width, height) // 1080
         context.gop_size = max(round(_KEY_INTERVAL * fps), 1)
         context.flags |= av.codec.context.Flags.bitexact
@@ -146,51 +146,44 @@ def _gif(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[A
     """
     from PIL import Image
 
-    # Browsers show no picture for less than 20 ms, so a faster film skips some.
-    step = ceil(fps / _GIF_FPS)
-    numbers = count()
-    starts: list[float] = []  # of the pictures [10 ms]
     packed: list[bytes] = []
 
     def append(picture: Picture) -> None:
-        number = next(numbers)
-        if number % step == 0:
-            starts.append(100.0 * number / fps)
-            packed.append(zlib.compress(picture[..., :3].tobytes(), 1))
+        packed.append(zlib.compress(picture[..., :3].tobytes(), 1))
 
     def unpacked(step: int = 1) -> Iterator[Any]:
-        return (
-            Image.frombytes("RGB", size, zlib.decompress(one)) for one in packed[::step]
-        )
+        for data in packed[::step]:
+            yield Image.frombytes("RGB", size, zlib.decompress(data))
 
     yield append
-    # GIF durations are multiples of 10 ms
-    ends = np.rint([*starts, 100.0 * next(numbers) / fps])
-    if len(starts) > 1 and ends[-1] - ends[-2] < 100.0 / _GIF_FPS:
-        ends = np.delete(ends, -2)
-        del packed[-1]
-    durations = [int(one) for one in 10.0 * np.diff(ends)]
-    sampled = np.concatenate(
-        [np.asarray(one) for one in unpacked(1 + len(packed) // _GIF_SAMPLES)]
-    )
-    palette = Image.fromarray(sampled).quantize(255, Image.Quantize.MAXCOVERAGE)
-    # The background, as in the corner, is exact, because a tinge would be seen.
-    known = palette.getpalette() or []
-    known = [*known[: 3 * 255], *sampled[0, 0].tolist()]
-    palette.putpalette(known)
+    palette = _palette(unpacked(1 + len(packed) // _GIF_SAMPLES))
     first, *others = (
         one.quantize(palette=palette, dither=Image.Dither.NONE) for one in unpacked()
     )
-    with open(path, "w+b") as file:
-        first.save(
-            file,
-            "GIF",
-            save_all=True,
-            append_images=others,
-            duration=durations,
-            loop=0,
-            comment=origin,
-        )
+    # GIF durations are multiples of 10 ms
+    starts = np.rint(100.0 / fps * np.arange(len(packed) + 1))
+    first.save(
+        path,
+        save_all=True,
+        append_images=others,
+        duration=[int(one) for one in 10.0 * np.diff(starts)],
+        loop=0,
+        comment=origin,
+    )
+
+
+def _palette(samples: Iterator[Any]) -> Any:
+    """Return an image with the palette that fits pictures best."""
+    from PIL import Image
+
+    sampled = Image.fromarray(np.concatenate([np.asarray(one) for one in samples]))
+    palette = sampled.quantize(256 - _GIF_EXACT, Image.Quantize.MAXCOVERAGE)
+    # The colours of the largest areas, such as background and wall, are exact, because
+    # a tinge would be seen.
+    counts = sorted(sampled.getcolors(sampled.width * sampled.height) or [])
+    exact = np.array([colour for _, colour in counts[-_GIF_EXACT:]])
+    palette.putpalette([*(palette.getpalette() or []), *exact.ravel().tolist()])
+    return palette
 
 
 @contextmanager

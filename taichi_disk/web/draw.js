@@ -69,7 +69,8 @@ export class Drawing {
     this.set(message.options);
     // of a triangular lattice that fills the disk [R]
     this.spacing = Math.sqrt(3.63 / message.disk_points);
-    this.field = this.state = null;
+    this.field = null;
+    this.state = null;
     this.track = [];
     this.camera.home = true;
   }

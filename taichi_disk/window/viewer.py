@@ -96,7 +96,7 @@ class Viewer:
         add("p w", "save a picture, the scene", self._save, ".png", ".yaml")
         add("Tab", "these keys", self._toggle, "keys")
         add("q", "close the window", self._toggle, "close")
-        # the modes "follow", "keys" and "close", as far as they are on
+        # modes that are on: "follow", "keys", "close"
         self._modes: set[str] = set()
         self._at = (0.0, 0.0)  # position of the mouse [px]
         # Action of the pressed mouse at (x, y) [R]; the third argument says whether it

@@ -144,6 +144,19 @@ def test_a_film_has_the_frames_size_and_rate_asked_for_and_the_same_bytes_twice(
     assert np.abs(pictures[:, 2, 2] - 255 * np.array(THEMES["light"].ground)).max() < 6
 
 
+@needs_vulkan
+def test_a_gif_has_no_more_pictures_in_a_second_than_browsers_show(run, tmp_path):
+    path = tmp_path / "film.gif"
+    film(path, [run], video(fps=120), QUIET)
+    durations = []
+    with Image.open(path) as gif:
+        for k in range(gif.n_frames):
+            gif.seek(k)
+            durations.append(gif.info["duration"])
+    assert sum(durations) == 1000
+    assert min(durations) == 20
+
+
 ENCODE = """
 import sys, numpy as np
 from functools import partial

@@ -10,7 +10,7 @@ from taichi_disk.render.video import video
 
 
 @pytest.mark.parametrize("count", [1, 2, 61, 62, 63, 100])
-@pytest.mark.parametrize("fps", [10, 30, 50, 51, 60, 100, 120])
+@pytest.mark.parametrize("fps", [10, 30, 49, 50])
 def test_a_gif_shows_no_picture_for_less_than_browsers_do_and_keeps_its_length(
     tmp_path, fps, count
 ):
@@ -28,9 +28,21 @@ def test_a_gif_shows_no_picture_for_less_than_browsers_do_and_keeps_its_length(
             gif.seek(k)
             durations.append(gif.info["duration"])
     assert sum(durations) == pytest.approx(1e3 * count / fps, abs=5.1)
-    assert len(durations) == 1 or min(durations) >= 20
-    if fps <= 50:
-        assert len(durations) == count
-    else:
-        # no fewer pictures than 25 in a second
-        assert max(durations) <= 60
+    assert min(durations) >= 20
+    assert len(durations) == count
+
+
+def test_large_areas_of_a_gif_have_their_exact_colours(tmp_path):
+    # a ground and a wall beside a disk with all colours
+    ground = [250, 250, 248]
+    wall = [196, 194, 186]
+    picture = np.full((64, 64, 4), [*ground, 255], dtype=np.uint8)
+    picture[44:] = [*wall, 255]
+    picture[:32, :32, :3] = np.random.default_rng(0).integers(0, 255, (32, 32, 3))
+    path = tmp_path / "film.gif"
+    with video(path, ".gif", (64, 64), 10, "") as append:
+        append(lambda: picture)
+    with Image.open(path) as gif:
+        pixels = np.asarray(gif.convert("RGB"))
+    assert (pixels[:40, 40:] == ground).all()
+    assert (pixels[44:] == wall).all()
