@@ -74,8 +74,8 @@ def default_count(outcome: Outcome) -> tuple[int, str]:
 def compare_lattices(
     outcome: Outcome, count: int, progress: Progress, force: bool
 ) -> dict[str, Any]:
-    """Compute the results on `count` lattices with consecutive seeds, from the scene's
-    on, for summary.json.
+    """Compute the results on `count` lattices, and return their statistics for
+    summary.json. The seeds are consecutive and begin with the scene's.
 
     Returns `seeds` and, for each result, its `values`, their `mean`,
     `standard_deviation` and the `standard_error` of the mean. Seeds without a result
@@ -83,14 +83,14 @@ def compare_lattices(
     """
     scene: Scene = outcome.scenario.scene
     seeds = [scene.lattice.seed]
-    found = [outcome.scenario.result(outcome.series)]
+    results = [outcome.scenario.result(outcome.series)]
     for number in range(1, count):
         progress("lattices", number - 1, count - 1)
         seed = (scene.lattice.seed + number) % 2**32
         sample = replace(scene, lattice=replace(scene.lattice, seed=seed))
         try:
             other = outcome_of(sample, force=force, estimate=False)
-            found.append(other.scenario.result(other.series))
+            results.append(other.scenario.result(other.series))
             seeds.append(seed)
         # The scene's own result is complete, whatever happens to another lattice.
         except Exception as error:
@@ -98,9 +98,11 @@ def compare_lattices(
                 f"there is no result on the lattice of seed {seed}: {_reason(error)}"
             )
     comparison: dict[str, Any] = {"seeds": seeds}
-    for name in found[0]:
-        values = [numbers[name] for numbers in found if name in numbers]
-        if 1 < len(values) == len(found):
+    if len(results) == 1:
+        return comparison
+    for name in results[0]:
+        values = [numbers[name] for numbers in results if name in numbers]
+        if len(values) == len(results):  # every lattice has this result
             comparison[name] = statistics_of(values)
     return comparison
 

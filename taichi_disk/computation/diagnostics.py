@@ -90,13 +90,11 @@ def _sliding(scenario: Scenario, columns: Columns) -> str:
 def _faster_than_before(columns: Columns) -> str:
     # twice the kinetic energies; the mass is 1 M
     towards_wall = columns["com_vy"] ** 2
-    along_wall = columns["com_vx"] ** 2
-    spin = 2.0 * columns["rotation"]
     initial = float(towards_wall[0])
     if not initial or towards_wall[-1] <= (1.0 + MAX_IMBALANCE) * initial:
         return ""
-    spin_part = _fraction_lost(spin, initial)
-    along_part = _fraction_lost(along_wall, initial)
+    spin_part = _fraction_lost(2.0 * columns["rotation"], initial)
+    along_part = _fraction_lost(columns["com_vx"] ** 2, initial)
     return (
         "e is above 1 because the impact turned other energy into flight away from the"
         f" wall: {spin_part:+g} of the energy of the flight towards it came from the"

@@ -49,16 +49,17 @@ RESET_ERROR = 2e-5
 
 
 class StepControl:
-    """Chooses the time steps of a scenario's runs: the first one from stability, the
-    next ones from the run before.
+    """Chooses the time steps of a scenario's runs. The first step follows from
+    stability, each later one from the run before it.
 
     `integrator: auto` takes the highest order that the forces allow: in an undamped
     impact, order 4 has a hundredth of the error for 1.15 times the force evaluations.
-    Dashpots are implicit if that is less work in all. With a reset boundary, a whole
-    number of steps fits the interval.
+    Dashpots are implicit if that is less work in all. With a reset boundary, the step
+    divides the time between two resets into whole steps.
 
-    `spectrum`: of the scenario's lattice and model. Raises InputError for a user's step
-    beyond the stability limit, unless `force`, or with more than MAX_STEPS steps.
+    `spectrum`: of the scenario's lattice and model. Raises InputError if the user's
+    step is beyond the stability limit (unless `force` is set), or if the run would need
+    more than MAX_STEPS steps.
 
     Attributes:
         step: for the next run.
@@ -74,7 +75,7 @@ class StepControl:
         self._time = scenario.scene.time
         self._safety = self._time.safety
         self._point_force = scenario.point_force
-        self._excess = inf
+        self._previous_excess = inf
         self._blow_ups = 0
         self.step = self._choice()
         if self._time.dt != "auto":
@@ -165,16 +166,21 @@ class StepControl:
         # and wall.
         if self._shorten_for(largest_force):
             return True
-        closing, worst = relative_imbalance(self.scenario, columns)
-        excess = self.scenario.sensitivity * max(
-            abs(closing) / MAX_CLOSING, worst / MAX_WORST
-        )
-        # If a shorter step does not help, the step is not the cause.
-        if excess <= 1.0 or excess > 0.5 * self._excess:
+        excess = self._energy_excess(columns)
+        if excess <= 1.0:
             return False
-        self._excess = excess
+        # If the shorter step has not halved the excess, the step is not the cause.
+        if excess > 0.5 * self._previous_excess:
+            return False
+        self._previous_excess = excess
         # order 2: the error falls with the square of the step
         return self._shorten(max(0.25, 0.9 / sqrt(excess)))
+
+    def _energy_excess(self, columns: Columns) -> float:
+        """Return the energy imbalance of a run over the one that is allowed."""
+        closing, worst = relative_imbalance(self.scenario, columns)
+        largest = max(abs(closing) / MAX_CLOSING, worst / MAX_WORST)
+        return self.scenario.sensitivity * largest
 
     def _shorten_for(self, largest_force: float) -> bool:
         margin = max(LIMIT_MARGIN, self._safety)

@@ -137,7 +137,7 @@ def common_span(flights: Sequence[Flight]) -> tuple[float, float]:
     No disk flies higher than in a film of its own, unless another run still goes on.
     """
     start = max(one.start for one in flights)
-    last_run = max(float(one.run.columns["t"][-1]) for one in flights)
+    last_run = max(float(one.run.series["t"][-1]) for one in flights)
     shortest_flight = min(one.end for one in flights)
     return start, max(shortest_flight, last_run)
 

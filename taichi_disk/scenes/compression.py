@@ -245,8 +245,10 @@ class Compression(Scenario):
     def frame_times(self, columns: Columns, frames: int) -> Array:
         t = columns["t"]
         kinetic = columns["kinetic"]
-        visible = t[np.flatnonzero(kinetic >= 1e-4 * kinetic.max())[-1]]
-        return distribute([0.0, min(visible, 0.5 * t[-1]), t[-1]], [0.85, 0.15], frames)
+        moving = np.flatnonzero(kinetic >= 1e-4 * kinetic.max())
+        end_of_motion = min(t[moving[-1]], 0.5 * t[-1])
+        # 85 % of the pictures show the motion that can be seen
+        return distribute([0.0, end_of_motion, t[-1]], [0.85, 0.15], frames)
 
     @property
     def words(self) -> Words:

@@ -227,18 +227,20 @@ class ImpactScene(DiskScene):
         return float(longest * 0.5 ** np.clip(halvings, 0, MAX_HALVINGS))
 
     def _max_time(self, gap: float, shape: Shape, time_unit: float) -> float:
-        """Return the time limit [R/c], by default that of the flight to the wall, ten
-        contacts, and a flight away with e = 0.05."""
+        """Return the time limit [R/c]. The default is long enough for the flight to the
+        wall, ten contacts, and a flight away at e = 0.05."""
         if self.impact.max_time != "auto":
             return float(self.impact.max_time)
         # A contact takes pi sqrt(ln(4 c/v)) R/c by Hertz's law. A body that is not
         # round has left when none of its corners reaches down to the wall.
         velocity = self.impact.towards
-        hertz = np.sqrt(np.log(4.0 / min(velocity * time_unit, 1.0)))
-        contact = np.pi * time_unit * hertz
-        # half a period of bending
-        contact = max(contact, np.pi * np.sqrt(shape.compliance))
-        return float(22.0 * (gap + shape.outline_depth) / velocity + 10.0 * contact)
+        logarithm = np.log(4.0 / min(velocity * time_unit, 1.0))
+        hertz_time = np.pi * time_unit * np.sqrt(logarithm)
+        half_bending_period = np.pi * np.sqrt(shape.compliance)
+        contact_time = max(hertz_time, half_bending_period)
+        # 1 for the flight to the wall, 1/0.05 = 20 for the flight away, 1 in reserve
+        flight_times = 22.0 * (gap + shape.outline_depth) / velocity
+        return float(flight_times + 10.0 * contact_time)
 
 
 def _bending(disk: Lattice, springs: Springs) -> float:

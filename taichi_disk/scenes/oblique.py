@@ -149,14 +149,19 @@ def least_width(
     k_a: float,
 ) -> float:
     """Return the width [R] that an elastic wall needs to contain the whole contact; 0
-    for an impact straight down."""
-    # The middle of the contact moves with the disk for the contact time of Hertz's law.
-    # The contact is half as wide as the chord at the depth v. `k_a` [M c^2/R^2]: spring
-    # constant of the softer of disk and wall.
+    for an impact straight down. `k_a` [M c^2/R^2]: spring constant of the softer of
+    disk and wall."""
     if not impact.angle and impact.offset == "auto":
         return 0.0
-    gap = start_gap(wall, impact, time)
-    first = 0.0 if impact.offset == "auto" else impact.offset + gap * tan(impact.angle)
-    strain = min(impact.towards / sqrt(k_a), 1.0)
-    last = first + impact.along * pi * sqrt(log(4.0 / strain) / k_a)
-    return 2.0 * (max(abs(first), abs(last)) + sqrt(2.0 * strain))
+    # The middle of the contact moves along the wall for the contact time of Hertz's
+    # law.
+    start = 0.0
+    if impact.offset != "auto":
+        gap = start_gap(wall, impact, time)
+        start = impact.offset + gap * tan(impact.angle)
+    depth = min(impact.towards / sqrt(k_a), 1.0)  # [R], speed over that of waves
+    end = start + impact.along * pi * sqrt(log(4.0 / depth) / k_a)
+    # By Hertz's law the contact is half as wide as the chord at this depth. Room is
+    # left for twice as much.
+    half_chord = sqrt(2.0 * depth)
+    return 2.0 * (max(abs(start), abs(end)) + half_chord)

@@ -172,35 +172,53 @@ def _combine(
         )
         return None
     # Check each value by itself first, to report all faulty values at once.
-    swept: list[dict[str, tuple[Any, ...]]] = []
-    for block in blocks:
-        start = {name: values[0] for name, values in block.items()}
-        taken: dict[str, dict[Any, None]] = {name: {} for name in block}
-        for name, values in block.items():
-            for value in values:
-                one = _with(kind, tree, start | {name: value})
-                found = check(one, kinds)
-                tree.take_faults(one)
-                if found is None:
-                    continue
-                taken[name][value_of(found, name)] = None
-                if value is start[name] and target_of(found, name) in found.unused():
-                    what = "has no effect with lattice.file: leave it out"
-                    tree.fault(value[1].key, ("sweep", name), what)
-        swept.append({name: tuple(values) for name, values in taken.items()})
+    checked_blocks = tuple(
+        _checked_values(kind, block, tree, kinds) for block in blocks
+    )
     if tree.faults:
         return None
     scenes: dict[DiskScene, None] = {}
-    for chosen in _combinations(blocks):
-        one = _with(kind, tree, chosen)
-        found = check(one, kinds)
-        if found is None:
-            given = ", ".join(f"{name}: {value}" for name, (value, _) in chosen.items())
-            for fault in one.faults:
-                tree.faults.append(fault._replace(what=f"{fault.what} (at {given})"))
+    for combination in _combinations(blocks):
+        combined = _with(kind, tree, combination)
+        scene = check(combined, kinds)
+        if scene is None:
+            _add_faults_of_combination(tree, combined, combination)
             return None
-        scenes[found] = None
-    return Sweep(tuple(swept), tuple(scenes))
+        scenes[scene] = None
+    return Sweep(checked_blocks, tuple(scenes))
+
+
+def _checked_values(
+    kind: type[DiskScene], block: Axes, tree: Tree, kinds: Kinds
+) -> dict[str, tuple[Any, ...]]:
+    """Return the valid values of each axis as scenes have them, without duplicates.
+    Faults are added to the tree."""
+    first_values = {name: values[0] for name, values in block.items()}
+    checked: dict[str, tuple[Any, ...]] = {}
+    for name, values in block.items():
+        valid: dict[Any, None] = {}
+        for value in values:
+            changed = _with(kind, tree, first_values | {name: value})
+            scene = check(changed, kinds)
+            tree.take_faults(changed)
+            if scene is None:
+                continue
+            valid[value_of(scene, name)] = None
+            is_first = value is first_values[name]
+            if is_first and target_of(scene, name) in scene.unused():
+                what = "has no effect with lattice.file: leave it out"
+                tree.fault(value[1].key, ("sweep", name), what)
+        checked[name] = tuple(valid)
+    return checked
+
+
+def _add_faults_of_combination(
+    tree: Tree, combined: Tree, combination: dict[str, tuple[Value, Entry]]
+) -> None:
+    values = [f"{name}: {value}" for name, (value, _) in combination.items()]
+    where = ", ".join(values)
+    for fault in combined.faults:
+        tree.faults.append(fault._replace(what=f"{fault.what} (at {where})"))
 
 
 def _combinations(

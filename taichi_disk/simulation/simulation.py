@@ -223,9 +223,9 @@ class Simulation:
 
         A row of observables is returned for every step whose number is a multiple of
         `stride`. `bounds` (2, columns): smallest and largest value of every column at
-        the end. `needed`, `settled`: number of successive rows within the bounds that
-        end the scene, and the number so far. Returns the rows (rows, columns) and the
-        new number of successive rows within the bounds.
+        the end. `needed`: number of successive rows within the bounds that ends the
+        scene. `settled`: number of such rows so far. Returns the rows (rows, columns)
+        and the new value of `settled`.
         """
         raise_if_interrupted()
         if not self.is_alive:
@@ -233,9 +233,9 @@ class Simulation:
                 "a later ti.init or ti.reset has deleted the fields of this simulation:"
                 " make another"
             )
-        rows = np.empty(
-            ((self.step_number % stride + steps) // stride + 1, self.now.size)
-        )
+        steps_since_row = self.step_number % stride
+        max_rows = (steps_since_row + steps) // stride + 1
+        rows = np.empty((max_rows, self.now.size))
         if bounds is None:
             bounds = bounds_array({})
         counts = np.array([needed, settled, 0, 0], np.int32)
@@ -243,7 +243,12 @@ class Simulation:
         _, settled, made, count = counts.tolist()
         self.step_number += made
         if steps:
-            self.now = rows[count - (self.step_number % stride == 0)]
+            # The kernel writes the state after the last step behind the rows, unless it
+            # is the last row.
+            present = count
+            if self.step_number % stride == 0:
+                present = count - 1
+            self.now = rows[present]
         return rows[:count], settled
 
     @property
@@ -351,12 +356,15 @@ def iterates(lattice: Lattice, model: Model) -> bool:
 
 
 def _contact_force(lattice: Lattice, model: Model, v: Array) -> float:
-    """Return the force of the wall on one point at which contact begins [M c^2/R]."""
+    """Return the force of the wall on one point from which on the disk is in contact
+    [M c^2/R]; inf without a wall."""
     if model.wall is None:
         return inf
-    # of the flight towards the wall
-    kinetic_energy = 0.5 * float(lattice.mean(v[:, 1])) ** 2
-    return CONTACT_ENERGY * kinetic_energy * model.wall.added_stiffness(1.0)
+    speed = float(lattice.mean(v[:, 1]))  # towards the wall
+    kinetic_energy = 0.5 * speed**2
+    # where the wall's potential energy is U, its force is a U
+    a = model.wall.added_stiffness(1.0)
+    return CONTACT_ENERGY * kinetic_energy * a
 
 
 def _needed(lattice: Lattice, arrangement: Arrangement, factor: Dashpots) -> Capacity:
