@@ -57,8 +57,9 @@ MOST_RATIO = 3.0
 # if it has not fallen although the step is shorter by CHAOS_SHORTER.
 SUSPICIOUS_ERROR = 1e-3
 CHAOS_SHORTER = 4.0
-CHAOS_TURN = 1e-10  # by which starts are turned to find out [rad]
-# It is chaotic if this changes the result by more than this part of the tolerance.
+# A motion is chaotic if a start turned by CHAOS_TURN [rad] changes the result by more
+# than this part of the tolerance.
+CHAOS_TURN = 1e-10
 CHAOS_PART = 0.25
 
 INSTANTS = 20  # of the contact, at which inverted triangles are counted

@@ -163,7 +163,8 @@ class PointFields:
             i = 0
             for k in ti.static(range(len(self.fields))):
                 i = 0
-                # LLVM would vectorise a `for`, which takes longer than this loop
+                # a `while`, because LLVM would vectorise a `for`, and vectorising takes
+                # longer than this loop
                 while i < rows[k]:
                     for c in ti.static(range(len(self.fields[k]))):
                         self.fields[k][c][i] = ti.cast(
@@ -393,10 +394,9 @@ class Stepping:
         p1 = power
         b0 = sums[BOUNDARY_POWER]
         b1 = boundary_power
-        # Leapfrog conserves E + h^2 E_2 + O(h^4). A dashpot g takes g int(x1^2 + c h^2
-        # x2^2) of it, not g int(x1^2); xn is the n-th derivative; c = 2/3 if the
-        # velocity is predicted, 1/6 if it is centred, -1/6 if it is solved for. The
-        # sums are correct to O(h^4), although some velocities are half a step late.
+        # Leapfrog conserves E + h^2 E_2 + O(h^4), so a dashpot g takes the integral of
+        # g (v^2 + c h^2 a^2), with c = 2/3 for predicted, 1/6 for centred and -1/6 for
+        # solved velocities. These sums give it to O(h^4).
         loss = h * (p0 + 2.0 * p1) / 3.0
         boundary_loss = h * (b0 + 5.0 * b1) / 6.0
         if ti.static(self.implicit):
