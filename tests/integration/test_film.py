@@ -556,6 +556,7 @@ def test_in_a_comparison_only_the_run_at_its_greatest_compression_is_captioned_s
 
 
 @needs_vulkan
+@pytest.mark.validate
 def test_the_panel_s_curves_are_coloured_up_to_now_and_show_the_time_series(
     run, tmp_path, captions
 ):

@@ -469,6 +469,7 @@ def test_picture_and_curves_stay_while_the_scene_is_computed_again(
     assert session.sandbox.time.display.t > t
 
 
+@pytest.mark.validate
 def test_a_curve_is_collected_by_itself_and_stops_when_asked(
     session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:

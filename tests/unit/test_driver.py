@@ -34,7 +34,13 @@ SCENES = {
 }
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("compression", marks=pytest.mark.validate),
+        *(name for name in SCENES if name != "compression"),
+    ],
+)
 def test_the_steps_are_those_reported_and_launches_leave_no_trace(
     name, kernels, monkeypatch
 ):

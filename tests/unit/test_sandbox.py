@@ -118,6 +118,7 @@ def test_the_result_is_that_of_a_run_bit_for_bit_also_after_going_back(
         )
 
 
+@pytest.mark.validate
 def test_a_state_on_display_keeps_its_velocities_when_a_shorter_step_is_tried(
     kernels: KernelCache,
 ) -> None:
@@ -296,6 +297,7 @@ def test_many_states_are_remembered_evenly_also_across_changes(
     assert sandbox.time.checkpoints[0].segment is not sandbox.time.segment
 
 
+@pytest.mark.validate
 def test_time_goes_on_after_the_scene_s_end_and_its_limit_and_back_from_there(
     kernels: KernelCache,
 ) -> None:
