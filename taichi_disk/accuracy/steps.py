@@ -171,19 +171,17 @@ class Reference:
         stops = [end]
         interval = self.model.reset_interval
         if interval:
-            stops = [
-                *(np.arange(1, int(end / interval * (1 + 1e-12)) + 1) * interval),
-                end,
-            ]
+            resets = int(end / interval * (1 + 1e-12))  # one at the end counts
+            stops = [*(interval * np.arange(1, resets + 1)), end]
         t = 0.0
         y: Array = np.concatenate([self.lattice.positions, velocities]).ravel()
         for stop in stops:
             if stop > t:
-                # One or two steps suffice between resets. Without resets, only the end
-                # of the motion is stored.
-                options: dict[str, Any] = (
-                    {"first_step": stop - t} if interval else {"t_eval": [stop]}
-                )
+                # only the end of the motion is stored
+                options: dict[str, Any] = {"t_eval": [stop]}
+                if interval:
+                    # one or two steps suffice between resets
+                    options = {"first_step": stop - t}
                 # DOP853 rejects trial steps that crush the disk
                 with np.errstate(all="ignore"):
                     solution = solve_ivp(

@@ -149,7 +149,7 @@ class Work:
             self.lap(status)
             is_computed = bool(self.summary)
             self.summary |= self._heading(status, str(failure) or None)
-            for unfinished in path.glob(".*.new.*"):  # of the process that draws
+            for unfinished in path.glob(".*.new.*"):  # left by the drawing process
                 files.remove(unfinished)
             with suppress(SimulationError):  # there is no room for it
                 files.write_summary(path / "summary.json", self.summary)

@@ -193,18 +193,17 @@ def _is_irregular(driver: Driver) -> bool:
     chance.
 
     They do with friction, if a step crosses much of the wall's decay length, and if
-    points slide along a wall of springs. The search for a tolerance estimates the error
-    of sliding points from one further run: two took minutes.
+    points slide along a wall of springs.
     """
     scenario = driver.scenario
-    sliding = (
-        driver.columns["sliding"].any() and scenario.scene.time.tolerance == "none"
-    )
-    return bool(
-        scenario.model.has_friction
-        or sliding
-        or driver.step.dt > IRREGULAR_FROM * scenario.wall_step
-    )
+    crosses_wall = driver.step.dt > IRREGULAR_FROM * scenario.wall_step
+    if scenario.model.has_friction or crosses_wall:
+        return True
+    # In a search for a tolerance, sliding points do not count: they would need a
+    # further run each time, which took minutes.
+    if scenario.scene.time.tolerance != "none":
+        return False
+    return bool(driver.columns["sliding"].any())
 
 
 def _other_steps(driver: Driver) -> list[float]:

@@ -30,7 +30,7 @@ _COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+(e[-+]?[0-9]+)?")
 
 
 def number_hint(value: Any, unit: str, key: str) -> str:
-    """Return what a value that is no number may have been meant to be, or ""."""
+    """Return a hint for a value that should be a number, or "" if there is none."""
     if isinstance(value, list) and len(value) > 1:
         if any(isinstance(one, (list, dict)) for one in value):
             return ""

@@ -318,8 +318,8 @@ def _points(
     place: Callable[[Curve], tuple[Array, Array]],
     bars: str = "yerr",
 ) -> list[Any]:
-    """Draw each curve at its `place`, x and y, with the scatter over lattices as
-    `bars`; return the colours."""
+    """Draw the points of each curve with error bars, the scatter over lattices, and
+    return the colours. `place`: returns x and y of a curve."""
     styles = curve_styles(len(curves))
     for curve, style in zip(curves, styles, strict=True):
         x, y = place(curve)

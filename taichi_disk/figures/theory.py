@@ -84,13 +84,15 @@ def fit_b(pressure: Array, xi: Array, young: float, poisson: float) -> Fit:
         return paper_compression(pressure, young, poisson, b)
 
     def solve(weights: Array) -> Array:
+        """Return b (k, 1) for each of k weighted means; `weights` (k, lattices)."""
         means = weights @ xi
 
-        def over_means(b: Array) -> Array:
+        # Fitting law/mean to 1 makes the residuals relative.
+        def relative_law(b: Array) -> Array:
             return law(np.maximum(b, 1e-6)) / means
 
         start = np.ones((len(means), 1))
-        b = least_squares(over_means, np.ones_like(means), start)
+        b = least_squares(relative_law, np.ones_like(means), start)
         return np.maximum(b, 0.0)
 
     fit = _fit(("b",), solve, law, xi)

@@ -121,6 +121,7 @@ class DashpotSolver:
         `age`: number of steps since velocities jumped. Iterative solvers begin with the
             velocities of those steps.
         """
+        # x and y have one factor L D L^T in common, or a factor each.
         y = ti.static(self.components - 1)
         free = self.free[0]
         half = state.closing[None]

@@ -81,10 +81,12 @@ def _top_and_rest(mesh: Lattice) -> tuple[Indices, Indices]:
     x, y = mesh.positions[outline].T
     left_corner = int(np.argmax(y - x))
     right_corner = int(np.argmax(y + x))
+    # from the left top corner down and around to the right one, then back along the top
     from_left = np.roll(outline, -left_corner)
-    others = (right_corner - left_corner) % len(outline)
-    top = np.append(from_left[others:], from_left[0])[::-1]
-    return top, from_left[: others + 1]
+    right_place = (right_corner - left_corner) % len(outline)
+    other_sides = from_left[: right_place + 1]
+    top_from_right = np.append(from_left[right_place:], from_left[0])
+    return top_from_right[::-1], other_sides
 
 
 def wall_height(disk_points: int, points: int, width: float) -> float:

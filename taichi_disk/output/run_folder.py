@@ -186,8 +186,8 @@ def run_folder(
             asked = _place(asked)
             cleanup.callback(files.remove_empty, files.prepare_output(asked.parent))
             path = files.hidden(asked)
-            # left by a killed process: in a container all processes may have the same
-            # number
+            # A killed process may have left this folder: its name contains the number
+            # of the process, which is often the same in every container.
             files.remove(path)
             cleanup.callback(files.remove, path)
             path.mkdir()

@@ -126,8 +126,8 @@ class ResetBoundary(Boundary):
         """Set the velocities at this step to zero, and return the kinetic energy that
         is lost [M c^2].
 
-        Leapfrog conserves m/2 v_{k-1/2} v_{k+1/2} = m/2 v_k^2 - m/2 (h/2 f_k/m)^2, and
-        with dashpots f_k jumps too.
+        Leapfrog conserves m/2 v_{k-1/2} v_{k+1/2} = m/2 v_k^2 - m/2 (h/2 f_k/m)^2. With
+        dashpots f_k jumps, too, so the last term changes as well.
         `implicit`: whether `solver` (see `trapezoidal`) has solved for the velocities
             in `state.u`.
         """

@@ -142,8 +142,8 @@ class ElasticWall(Wall):
 
     @ti.func
     def sliding_loss(self, state: ti.template(), i, k, move):
-        """Return the energy that point i lost in the last move. It lost some if another
-        wall spring than k was below it before."""
+        """Return the energy that point i lost in the last move by passing from another
+        wall spring to spring k [M c^2]."""
         # On a bent surface the distance l, and with it the potential, jumps when a
         # point passes from one spring to the next. By the trapezoidal rule, half of the
         # jump at each end of the move counts.

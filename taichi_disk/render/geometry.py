@@ -307,7 +307,8 @@ def arrows(
 def dot(
     centre: Array, radius: float, style: ArrowStyle, colour: Colour, theme: Theme
 ) -> Shape:
-    """Return a filled circle around `centre` (2,), with the rim of an arrow."""
+    """Return a filled circle around `centre` (2,), with an outline like that of
+    arrows."""
     turns = np.arange(_CIRCLE_CORNERS) * (2.0 * np.pi / _CIRCLE_CORNERS)
     circle = centre + radius * np.stack([np.cos(turns), np.sin(turns)], axis=1)
     second = np.arange(1, _CIRCLE_CORNERS - 1)

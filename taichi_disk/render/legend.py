@@ -28,8 +28,8 @@ Ink = tuple[int, int, int]
 Box = tuple[float, float, float, float]  # left, right, top and bottom [px]
 
 LEAST = 11.0  # smallest size of letters [px]
-# Sizes [px] in a picture of 720 pixels. Other pictures scale them, but letters not
-# below LEAST.
+# Sizes [px] in a picture of 720 pixels. In other pictures they are scaled, but letters
+# never become smaller than LEAST.
 _MARGIN = 24.0
 _HEADING = 26.0
 _TEXT = 20.0

@@ -84,22 +84,25 @@ def _draw_field(ax: Axes, painter: Painter, x: Any, v: Any) -> None:
     """Draw the coloured quantity with its colour bar."""
     values = painter.normalised(painter.values(x, v))
     points, parts, corners = painter.mesh(x, values)
-    low = 0.0
-    high = painter.limit
-    extend = "max"
-    end = 1.0  # of the parts
-    if painter.signed:
-        low = -painter.limit
-        extend = "both"
+    last_part = 1.0
     if painter.colour == "fringes":
-        end = max(np.ceil(parts.max()), 1.0)
-        high = end  # the order of the last fringe
+        last_part = max(np.ceil(parts.max()), 1.0)
+        low = 0.0
+        high = last_part  # the order of the last fringe
         extend = "neither"
-    colours: Any = painter.colours(np.linspace(0.0, end, _LEVELS))
+    elif painter.signed:
+        low = -painter.limit
+        high = painter.limit
+        extend = "both"
+    else:
+        low = 0.0
+        high = painter.limit
+        extend = "max"
+    colours: Any = painter.colours(np.linspace(0.0, last_part, _LEVELS))
     axes: Any = ax
     field = axes.tripcolor(
         Triangulation(points[:, 0], points[:, 1], corners),
-        low + (high - low) * parts / end,
+        low + (high - low) * parts / last_part,
         shading="gouraud",
         cmap=ListedColormap(colours),
         vmin=low,

@@ -40,8 +40,8 @@ def load_sweep(source: Source, overrides: Sequence[str] = ()) -> Sweep:
     """Read a scene with a section `sweep:` and check all its scenes. Arguments and
     errors are those of `load_scene`.
 
-    "sweep.key=[...]" in `overrides` sets an axis, in every section if `sweep:` is a
-    list.
+    "sweep.key=[...]" in `overrides` sets the values of an axis. If `sweep:` is a list
+    of sections, it sets the axis in each of them.
     """
     return cast(Sweep, _load(source, overrides, "sweep"))
 

@@ -154,8 +154,8 @@ class Compression(Scenario):
         return quasistatic(self, loads, progress)
 
     def end_bounds(self) -> dict[str, tuple[float, float]]:
-        # The disk may still roll slowly, which does not show in the wall's force; a
-        # vibration does.
+        # A vibration shows in the wall's force. A slow roll does not, so the kinetic
+        # energy has a bound, too.
         tolerance = self.scene.compression.tolerance
         return {
             "kinetic": (0.0, tolerance * self.pressure**2 / self.model.springs.modulus),

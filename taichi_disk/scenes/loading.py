@@ -47,8 +47,11 @@ class Equilibria:
             yield State(t, x, np.zeros_like(x))
 
     def solved(self, times: Array) -> Iterator[State]:
+        """Yield the equilibria at `times`. Loads between the stored ones are solved
+        for, from the interpolated positions."""
         for state in self.interpolated(times):
-            if state.t not in self.fractions:
+            is_stored = state.t in self.fractions
+            if not is_stored:
                 x = self.under(state.t, state.positions)
                 state = state._replace(positions=x)
             yield state

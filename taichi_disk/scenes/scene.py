@@ -327,7 +327,8 @@ def yaml_scalar(value: Value) -> str:
     if isinstance(value, float) and "." not in text:
         # YAML 1.1 readers such as PyYAML take 1e-05, which has no point, for a string.
         return text.replace("e", ".0e")
-    # Narrow spaces and line separators, which nobody would see, or YAML would not keep.
+    # Escape narrow spaces, which nobody would see, and line separators, which YAML
+    # would not keep.
     return "".join(_escaped(character) for character in text)
 
 

@@ -402,8 +402,8 @@ class Stepping:
         if ti.static(self.implicit):
             boundary_loss = 0.5 * h * (b0 + b1)
             # For solved velocities, c = -1/6 is right only if h times the fastest rate
-            # is small. In flight another sum is exact for linear springs at any rate;
-            # in contact that sum would drift as h^2.
+            # is small. In flight the first sum is exact for linear springs at any rate.
+            # In contact it would drift as h^2, so the second one is taken there.
             loss = 0.25 * h * (sums[LEAVING] + p1 + late)
             if sums[PEAK_POINT_FORCE] >= self.state.contact[None]:
                 loss = h * (2.0 / 3.0 * (p0 + p1) - 1.0 / 3.0 * cross)

@@ -18,7 +18,7 @@ from taichi_disk.signals import raise_if_interrupted
 
 _EPS = float(np.finfo(np.float64).eps)
 _TOLERANCE = 1e-12  # largest residual force over the load on a point
-# shifts over the largest diagonal element of the stiffness
+# shifts of the diagonal, divided by the largest diagonal element of the stiffness
 _FIRST_SHIFT = 1e-5
 _MIN_SHIFT = 1e-12
 _MAX_SHIFT = 1e6

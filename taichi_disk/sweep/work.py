@@ -98,12 +98,12 @@ def _compute(scenes: bytes, estimate: bool) -> list[PointResult]:
 
 @lru_cache(maxsize=1)
 def _start_worker() -> None:
-    """Start Taichi on one core unless this process uses it already. Taichi stops at
-    exit, which saves its cache."""
+    """Start Taichi, on one core unless this process has started it already. Taichi
+    stops at exit, which saves its cache."""
+    threads: int | None = 1
     if engine.loaded():
-        runtime.start()
-    else:
-        runtime.start(threads=1)
+        threads = None  # as many as the process has
+    runtime.start(threads)
     atexit.register(engine.loaded().reset)
 
 

@@ -1,5 +1,5 @@
-"""The pages of a sandbox: each gets states as fast as it draws them, and never a
-queue."""
+"""The pages of a sandbox. A page gets new states as fast as it draws them, so that
+they never queue up."""
 
 from __future__ import annotations
 

@@ -65,7 +65,8 @@ _ASCII = str.maketrans(
 
 
 class Viewer:
-    """The one window that may be alive; `pictures` ends when it has been closed.
+    """The window on the screen; only one may be open in a process. `pictures` ends when
+    the user closes it.
 
     Attributes:
         sandbox, controls: the disk, and what can be done with it.
