@@ -411,6 +411,7 @@ def test_the_environment_says_how_many_threads_where_nobody_else_does(number):
 
 
 @pytest.mark.parametrize("scene", ["exponential_wall", "compression"])
+@pytest.mark.validate
 def test_a_progress_callback_receives_every_stage_from_its_beginning(scene, tmp_path):
     calls = []
     keys = {"lattice.points": 60, "video.seconds": 0.3, "video.size": 64}

@@ -411,6 +411,7 @@ def test_a_lock_that_a_killed_process_left_does_not_end_the_cache_of_kernels(tmp
     assert list(tmp_path.glob("*.tic"))
 
 
+@pytest.mark.validate
 def test_too_little_memory_is_reported_in_a_sentence(tmp_path):
     line = (
         f"ulimit -v 1500000; exec {sys.executable} -m taichi_disk"

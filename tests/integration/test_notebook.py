@@ -273,6 +273,7 @@ def test_in_jupyterlab_a_widget_is_played_with(tmp_path: Path) -> None:
             lab.terminate()
 
 
+@pytest.mark.validate
 def test_without_the_extra_the_message_names_it() -> None:
     code = "import sys; sys.modules['anywidget'] = None; import taichi_disk.notebook"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
@@ -291,6 +292,7 @@ SCENE = {
 }
 
 
+@pytest.mark.validate
 def test_a_result_is_a_line_in_a_terminal_and_a_table_with_a_plot_in_a_notebook() -> (
     None
 ):

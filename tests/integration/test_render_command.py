@@ -106,6 +106,7 @@ def test_what_cannot_be_filmed_is_refused_with_the_reason(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.validate
 def test_a_run_with_a_damaged_summary_is_refused(runs, tmp_path, capsys):
     damaged = shutil.copytree(runs[2], tmp_path / "damaged")
     # the removed text said that the lattice came from Python

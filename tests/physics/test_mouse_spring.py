@@ -83,6 +83,7 @@ def test_a_pulled_point_moves_as_the_exact_solution_and_its_energy_is_accounted_
     assert energy == pytest.approx(work, rel=2e-3)
 
 
+@pytest.mark.validate
 def test_a_mouse_that_pulls_at_nothing_changes_no_bit(kernels):
     lattice = disk(60, height=0.05)
     models = FALLING, replace(FALLING, mouse=MOUSE)

@@ -415,6 +415,7 @@ def test_a_new_velocity_is_not_taken_for_that_of_the_hit_in_progress(
     assert again.load == 0.01 and again.contact_time and again.contact_time > 1.0
 
 
+@pytest.mark.validate
 def test_going_back_before_a_change_undoes_it(kernels: KernelCache) -> None:
     sandbox = opened(kernels)
     to_the_end(sandbox)
