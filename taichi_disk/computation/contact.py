@@ -26,16 +26,23 @@ def contact_interval(t: Array, force: Array, velocity: Array) -> tuple[float, fl
         turned = int(np.argmax(velocity > 0.0))
         return float(t[turned - 1]), float(t[turned])
     level = CONTACT_LEVEL * force.max()
+    # above the level, as a logarithm
+    height = np.log(np.maximum(force, 1e-300)) - np.log(level)
+
+    def crossing(i: int) -> float:
+        """Return the time between rows i and i + 1 at which the height is 0."""
+        duration = t[i + 1] - t[i]
+        return float(t[i] + duration * height[i] / (height[i] - height[i + 1]))
+
     inside = np.flatnonzero(force >= level)
-    log = np.log(np.maximum(force, 1e-300)) - np.log(level)
-
-    def crossing(i: int, j: int) -> float:
-        return float(t[i] + (t[j] - t[i]) * log[i] / (log[i] - log[j]))
-
     first = int(inside[0])
     last = int(inside[-1])
-    start = crossing(first - 1, first) if first > 0 else float(t[0])
-    end = crossing(last, last + 1) if last + 1 < len(t) else float(t[-1])
+    start = float(t[0])
+    end = float(t[-1])
+    if first > 0:
+        start = crossing(first - 1)
+    if last + 1 < len(t):
+        end = crossing(last)
     return start, end
 
 
@@ -54,10 +61,8 @@ def vibration_left(columns: Columns) -> float:
     """Return the vibration's energy at `results_time`, kinetic and elastic, over the
     flight's energy at t = 0."""
     stored = columns["vibration"] + columns["elastic"]
-    return float(
-        (np.interp(results_time(columns), columns["t"], stored) - stored[0])
-        / columns["translation"][0]
-    )
+    left = np.interp(results_time(columns), columns["t"], stored) - stored[0]
+    return float(left / columns["translation"][0])
 
 
 def greatest_compression(columns: Columns) -> float:
@@ -70,9 +75,8 @@ def greatest_compression(columns: Columns) -> float:
     elastic = columns["elastic"]
     touches = force >= CONTACT_LEVEL * force.max()
     stored = elastic * touches
-    stretched = (
-        elastic[: int(touches.argmax())].max(initial=0.0) > STRETCHED * stored.max()
-    )
-    return float(
-        columns["t"][int(columns["com_y"].argmin() if stretched else stored.argmax())]
-    )
+    before_contact = elastic[: int(touches.argmax())].max(initial=0.0)
+    row = stored.argmax()
+    if before_contact > STRETCHED * stored.max():
+        row = columns["com_y"].argmin()
+    return float(columns["t"][int(row)])

@@ -79,11 +79,11 @@ def richardson(dt: float, runs: list[tuple[float, float]], order: int) -> float:
 
     Each two runs give a C, and the largest counts.
     """
-    pairs = combinations(runs, 2)
-    return max(
-        abs((one - two) / ((step / dt) ** order - (other / dt) ** order))
-        for (step, one), (other, two) in pairs
-    )
+    errors = []
+    for (step, value), (other_step, other_value) in combinations(runs, 2):
+        powers = (step / dt) ** order - (other_step / dt) ** order
+        errors.append(abs((value - other_value) / powers))
+    return max(errors)
 
 
 def second_run(driver: Driver) -> SecondRun:

@@ -83,20 +83,22 @@ class StepControl:
 
     def _check_own_step(self, force: bool) -> None:
         dt = self._time.dt
+        name = self.step.integrator.name
         limit = self.step.limit
         if dt > limit and not force:
+            automatic = self._safety * limit
             raise InputError(
-                f"time.dt: {dt:g} R/c is beyond the stability limit of"
-                f" {self.step.integrator.name}, {limit:.6g} R/c for this scene; write a"
-                f" smaller one (or auto: {self._safety * limit:.6g}), or accept a"
-                " blow-up with `run --force`"
+                f"time.dt: {dt:g} R/c is beyond the stability limit of {name},"
+                f" {limit:.6g} R/c for this scene; write a smaller one (or auto:"
+                f" {automatic:.6g}), or accept a blow-up with `run --force`"
             )
-        longest = self.scenario.max_time
-        if longest > MAX_STEPS * dt:
+        max_time = self.scenario.max_time
+        shortest = max_time / MAX_STEPS
+        if dt < shortest:
             raise InputError(
-                f"time.dt: {dt:g} R/c would need {longest / dt:.2g} steps until the"
-                f" time limit of {longest:.6g} R/c, and at most {MAX_STEPS:,} can be"
-                f" counted; write auto, or at least {longest / MAX_STEPS * 1.001:.4g}"
+                f"time.dt: {dt:g} R/c would need {max_time / dt:.2g} steps until the"
+                f" time limit of {max_time:.6g} R/c, and at most {MAX_STEPS:,} can be"
+                f" counted; write auto, or at least {1.001 * shortest:.4g}"
             )
 
     def limit(self, integrator: Integrator, force: float) -> float:
@@ -149,18 +151,18 @@ class StepControl:
         if self._time.dt != "auto" or self.attempt >= MAX_ATTEMPTS:
             return False
         if driver.has_ended:
-            return self._shortens_after_end(driver.largest_force, driver.columns)
+            return self._shorten_after_end(driver.largest_force, driver.columns)
         if isinstance(driver.failure, BlowUp):
-            return self._shortens_after_blow_up(driver.largest_force)
+            return self._shorten_after_blow_up(driver.largest_force)
         return False
 
-    def _shortens_after_blow_up(self, largest_force: float) -> bool:
+    def _shorten_after_blow_up(self, largest_force: float) -> bool:
         self._blow_ups += 1
         if self._blow_ups > MAX_BLOW_UPS:
             return False
         return self._shorten_for(largest_force) or self._shorten(0.5)
 
-    def _shortens_after_end(self, largest_force: float, columns: Columns) -> bool:
+    def _shorten_after_end(self, largest_force: float, columns: Columns) -> bool:
         # Ordinary scenes keep their step. Hard walls (a from 1,000 on) often need two
         # or three runs, because it cannot be predicted how points rattle between disk
         # and wall.
