@@ -157,8 +157,10 @@ class Browser:
         return bool(self.script(f"return {one}.checkVisibility()"))
 
     def downloaded(self, name: str) -> Path | None:
+        """Return the path of a whole downloaded file, or None."""
         path = Path(self._folder.name, name)
-        if path.exists():
+        # Firefox makes the file empty, and fills it when the download is complete.
+        if path.exists() and path.stat().st_size:
             return path
         return None
 
