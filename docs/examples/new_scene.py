@@ -72,7 +72,5 @@ SCENES["ringing"] = RingingScene
 scene: Any = load_scene(
     "scene: ringing\nmaterial: {eta_star: 0}\nlattice: {points: 400}\n"
 )
-print(
-    "the lowest mode of 400 points has the period"
-    f" {run(scene).numbers['period']:.3f} R/c"
-)
+period = run(scene).numbers["period"]
+print(f"the lowest mode of 400 points has the period {period:.3f} R/c")
