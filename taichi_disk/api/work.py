@@ -21,7 +21,7 @@ from taichi_disk.errors import NoPictures, SimulationError
 from taichi_disk.lattice import Lattice, own_start
 from taichi_disk.output import files
 from taichi_disk.output.artist import Artist
-from taichi_disk.output.plot import begin_plot
+from taichi_disk.output.plot import begin_plot, plot_scene
 from taichi_disk.output.report import headline
 from taichi_disk.output.run_folder import RunFolder
 from taichi_disk.progress import Progress, silent
@@ -209,13 +209,9 @@ class Work:
         make_film = None
         if video:
             make_film = self._begin_film(path, outcome, artist)
-        finish_plot = begin_plot(
-            artist,
-            path / "plot.png",
-            scenario,
-            outcome.series,
-            headline(summary, scenario.words.labels),
-        )
+        quoted = headline(summary, scenario.words.labels)
+        shown = plot_scene(scenario, outcome.series, quoted)
+        finish_plot = begin_plot(artist, path / "plot.png", shown)
         if make_film:
             self._film(make_film, path, outcome)
             self.lap("film")

@@ -75,8 +75,8 @@ def greatest_compression(columns: Columns) -> float:
     elastic = columns["elastic"]
     touches = force >= CONTACT_LEVEL * force.max()
     stored = elastic * touches
-    before_contact = elastic[: int(touches.argmax())].max(initial=0.0)
+    stored_before_contact = elastic[: int(touches.argmax())].max(initial=0.0)
     row = stored.argmax()
-    if before_contact > STRETCHED * stored.max():
+    if stored_before_contact > STRETCHED * stored.max():
         row = columns["com_y"].argmin()
     return float(columns["t"][int(row)])

@@ -113,7 +113,7 @@ def _rotation_lost(scenario: Scenario, columns: Columns) -> str:
     t = columns["t"]
     spin = columns["angular_momentum"]
     start, _ = contact_interval(t, columns["wall_force"], columns["com_vy"])
-    flights = {"before the contact": (0.0, start)}
+    flights = {"before the contact": (t[0], start)}
     if "spin_after" in scenario.result(columns):
         when = "after the contact, at the end of which results are measured"
         flights[when] = results_time(columns), t[-1]

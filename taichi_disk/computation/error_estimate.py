@@ -58,7 +58,7 @@ MOST_RATIO = 3.0
 SUSPICIOUS_ERROR = 1e-3
 CHAOS_SHORTER = 4.0
 # A motion is chaotic if a start turned by CHAOS_TURN [rad] changes the result by more
-# than this part of the tolerance.
+# than CHAOS_PART of the tolerance.
 CHAOS_TURN = 1e-10
 CHAOS_PART = 0.25
 

@@ -121,11 +121,12 @@ def impact_point_force(lattice: Lattice, model: Model, velocity: float) -> float
     e_star = MODULUS * model.springs.modulus
     xi = velocity
     for _ in range(50):
-        log = np.log(4.0 / min(xi, 1.0))
-        xi = min(velocity * np.sqrt(log / (np.pi * e_star)), 1.0)
+        logarithm = np.log(4.0 / min(xi, 1.0))
+        xi = min(velocity * np.sqrt(logarithm / (np.pi * e_star)), 1.0)
     contact_force = np.pi * e_star * xi / np.log(4.0 / xi)
-    of_one_point = 0.5 * model.wall.a * float(lattice.masses.max()) * velocity**2
-    return max(contact_point_force(lattice, model, contact_force), of_one_point)
+    force_on_lone_point = 0.5 * model.wall.a * float(lattice.masses.max()) * velocity**2
+    force_on_point = contact_point_force(lattice, model, contact_force)
+    return max(force_on_point, force_on_lone_point)
 
 
 def contact_point_force(lattice: Lattice, model: Model, force: float) -> float:
@@ -135,8 +136,8 @@ def contact_point_force(lattice: Lattice, model: Model, force: float) -> float:
     # it protrudes. The variance of the Gaussian is the sum of F R/(pi E*) of Hertz's
     # contact and R/a of a soft wall along a circle.
     assert model.wall is not None
-    hertz = force / (np.pi * MODULUS * model.springs.modulus)
-    variance = hertz + model.wall.decay_length
+    of_contact = force / (np.pi * MODULUS * model.springs.modulus)
+    variance = of_contact + model.wall.decay_length
     peak = ROUGHNESS * force / np.sqrt(2.0 * np.pi * variance)  # [M c^2/R^2]
     surface = lattice.positions[lattice.disk_surface]
     chords = np.hypot(*(surface - np.roll(surface, 1, axis=0)).T)

@@ -218,8 +218,11 @@ def analyse(base: Scene, axes: Sequence[str], rows: Sequence[Row]) -> list[Curve
             poisson=poisson,
             is_damped=_is_damped(base, label),
         )
-        rules = {name: FITS[name] for name in figure.fits}
-        fits = {name: r.fit(curve) for name, r in rules.items() if r.applies(curve)}
+        fits = {}
+        for name in figure.fits:
+            rule = FITS[name]
+            if rule.applies(curve):
+                fits[name] = rule.fit(curve)
         curves.append(replace(curve, fits=fits))
     return curves
 

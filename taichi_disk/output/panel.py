@@ -130,21 +130,11 @@ def _axes(figure: Any, scene: PanelScene) -> Any:
     """Return the axes, without their curves."""
     from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-    width, height = scene.size
-    letter = scene.letter
-    room = height - (_TOP + 2 * _BETWEEN + _BOTTOM) * letter
     axes = figure.subplots(
         len(PANEL_HEIGHTS),
-        1,
         sharex=True,
         height_ratios=PANEL_HEIGHTS,
-        gridspec_kw={
-            "left": _LEFT * letter / width,
-            "right": 1.0 - _RIGHT * letter / width,
-            "top": 1.0 - _TOP * letter / height,
-            "bottom": _BOTTOM * letter / height,
-            "hspace": _BETWEEN * letter / (room / len(PANEL_HEIGHTS)),
-        },
+        gridspec_kw=_margins(scene),
     )
     plain = FuncFormatter(lambda value, _: f"{value:.6g}".replace("-", "−"))
     inks = [scene.curves[0].colour, scene.colours["ink"], scene.colours["ink"]]
@@ -156,6 +146,22 @@ def _axes(figure: Any, scene: PanelScene) -> Any:
     axes[-1].xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10], prune="both"))
     axes[-1].set_xlabel(scene.time_label.replace("  ", " "))
     return axes
+
+
+def _margins(scene: PanelScene) -> dict[str, float]:
+    """Return where the axes begin and end, and the space between them, as fractions of
+    the figure and of the mean height of the axes."""
+    letter = scene.letter
+    width, height = scene.size
+    room = height - (_TOP + 2 * _BETWEEN + _BOTTOM) * letter
+    mean_height = room / len(PANEL_HEIGHTS)
+    return {
+        "left": _LEFT * letter / width,
+        "right": 1.0 - _RIGHT * letter / width,
+        "top": 1.0 - _TOP * letter / height,
+        "bottom": _BOTTOM * letter / height,
+        "hspace": _BETWEEN * letter / mean_height,
+    }
 
 
 def _rows(line: Any, height: int) -> Array:

@@ -148,6 +148,7 @@ class PlotScene:
 
 
 def plot_scene(scenario: Scenario, columns: Columns, headline: str = "") -> PlotScene:
+    """Return what the plot of a run shows, under a headline."""
     return PlotScene(
         words=scenario.words,
         numbers=scenario.result(columns),
@@ -175,15 +176,9 @@ def plot_run(path: Path, scene: PlotScene) -> None:
         )
 
 
-def begin_plot(
-    artist: Artist,
-    path: Path,
-    scenario: Scenario,
-    columns: Columns,
-    headline: str = "",
-) -> Callable[[], None]:
-    """Begin to draw the plot of a run, and return a function that waits for it."""
-    return artist.begin(plot_run, path, plot_scene(scenario, columns, headline))
+def begin_plot(artist: Artist, path: Path, scene: PlotScene) -> Callable[[], None]:
+    """Let `artist` begin `plot_run`, and return a function that waits for its end."""
+    return artist.begin(plot_run, path, scene)
 
 
 def run_figure(scene: PlotScene) -> Plot:

@@ -41,6 +41,11 @@ class StoredRun(NamedTuple):
     lattice: str = ""  # digest of a custom lattice or custom velocities
     status: str = ""
 
+    @property
+    def identity(self) -> tuple[str, str]:
+        """What tells two runs apart: scene and lattice."""
+        return self.scene, self.lattice
+
 
 def stored_run(folder: Path) -> StoredRun:
     """Return the run that `folder` holds. Raises InputError if the folder holds
@@ -76,8 +81,7 @@ class RunFolder:
     Attributes:
         path: hidden folder, into which the files are written.
         out: folder in which they appear; another one if it has become unsuitable.
-        replaceable: scene and lattice of the runs that may be replaced, this run's
-            first.
+        replaceable: identities of the runs that may be replaced, this run's first.
         say: receives a sentence if another folder is used.
     """
 
@@ -100,7 +104,7 @@ class RunFolder:
 
     def _earlier_pictures(self) -> list[Path]:
         with suppress(InputError):  # something else has appeared there
-            if stored_run(self.out)[:2] == self.replaceable[0]:
+            if stored_run(self.out).identity == self.replaceable[0]:
                 return [p for p in self.out.iterdir() if PICTURES.fullmatch(p.name)]
         return []
 
@@ -125,7 +129,7 @@ class RunFolder:
         stored = stored_run(folder)
         if stored.status == "done" and status != "done":
             raise InputError(f"{folder} holds a finished run")
-        if stored.status and stored[:2] not in self.replaceable:
+        if stored.status and stored.identity not in self.replaceable:
             raise InputError(f"{folder} holds another run{advice}")
         try:
             # This never succeeds, because `path` is not empty. But a mount point, or a
@@ -195,7 +199,7 @@ def run_folder(
             folder = RunFolder(path, asked, [(scene_yaml, lattice)], say)
             if overwrite:
                 with suppress(InputError):  # which `choose` raises again, with advice
-                    folder.replaceable.append(stored_run(asked)[:2])
+                    folder.replaceable.append(stored_run(asked).identity)
             if count_on:
                 folder.out = folder.choose(_numbered(asked), "done")
             else:

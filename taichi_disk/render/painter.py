@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from taichi_disk.engine import ti
 from taichi_disk.fields import QUANTITIES, Triangles, at_points, own_values
 from taichi_disk.lattice import Array, Lattice
+from taichi_disk.lattice.triangles import double_area
 from taichi_disk.physics import Springs
 from taichi_disk.render import geometry
 from taichi_disk.render.geometry import ARROW, VELOCITY_ARROW, ArrowStyle, Camera
@@ -388,10 +389,8 @@ def _darkness(corners: Array, ink: float, width: float) -> Array:
     (t, 3, 2) [px].
     """
     opposite = np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1)
-    first, second, _ = np.moveaxis(opposite, 1, 0)
-    double_area = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
     length = np.maximum(np.hypot(opposite[..., 0], opposite[..., 1]), 1e-9)
-    height = double_area[:, None] / length
+    height = np.abs(double_area(corners))[:, None] / length
     darkness = np.full((len(corners), 3, 3), ink)
     # A corner lies on two sides, and off the side that is opposite to it.
     corner = np.arange(3)

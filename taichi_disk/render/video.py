@@ -173,7 +173,7 @@ def _gif(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[A
 
 
 def _palette(samples: Iterator[Any]) -> Any:
-    """Return an image with the palette that fits pictures best."""
+    """Return an image whose palette suits all `samples`, which are images, too."""
     from PIL import Image
 
     sampled = Image.fromarray(np.concatenate([np.asarray(one) for one in samples]))

@@ -356,8 +356,8 @@ def iterates(lattice: Lattice, model: Model) -> bool:
 
 
 def _contact_force(lattice: Lattice, model: Model, v: Array) -> float:
-    """Return the force of the wall on one point from which on the disk is in contact
-    [M c^2/R]; inf without a wall."""
+    """Return the force of the wall on one point [M c^2/R] above which the disk is in
+    contact; inf without a wall."""
     if model.wall is None:
         return inf
     speed = float(lattice.mean(v[:, 1]))  # towards the wall

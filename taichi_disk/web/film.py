@@ -120,7 +120,7 @@ def _packed(
         arrays, facts = _recorded(one, common.limits)
         places = {}
         for name, array in arrays.items():
-            data += _padding(data)
+            data += bytes(_padding(data))
             places[name] = len(data), array.size
             data += array.tobytes()
         scene = scene_message(one.run.scenario, video, largest_force=one.largest_force)
@@ -144,15 +144,15 @@ def _packed(
         "runs": runs,
     }
     text = json.dumps(head).encode()
-    text += b" " * len(_padding(text))
+    text += b" " * _padding(text)
     length = np.array([len(text)], "<u4").tobytes()
     return zlib.compress(length + text + data, 9)
 
 
-def _padding(data: bytes) -> bytes:
-    """Return the bytes after which typed arrays of JavaScript, of four bytes an item,
-    can begin."""
-    return bytes(-len(data) % 4)
+def _padding(data: bytes) -> int:
+    """Return the number of bytes to add to `data` before a typed array of JavaScript,
+    with four bytes an item, can begin."""
+    return -len(data) % 4
 
 
 def _words(caption: Caption) -> list[str]:

@@ -265,8 +265,8 @@ export class Sandbox {
 
   showRole(message) {
     const filmPage = this.ui["film-page"];
-    filmPage.disabled = message.films;
-    filmPage.textContent = message.films ? "The film is made …" : "Film to play with";
+    filmPage.disabled = message.awaitsFilm;
+    filmPage.textContent = message.awaitsFilm ? "The film is made …" : "Film to play with";
     this.plays = message.plays;
     this.watch.show(message);
     if (this.panel) this.showMessage(this.panel);

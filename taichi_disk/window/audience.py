@@ -136,6 +136,7 @@ class Audience:
         self._news.set()
 
     async def _film_for(self, visitor: Visitor) -> None:
+        """Make a film of the present scene and send it, or show why there is none."""
         try:
             page = await make_film(self.session.sandbox.scene)
             visitor.give_film(page)
@@ -198,7 +199,7 @@ class Audience:
             "plays": plays,
             "asks": visitor.asks,
             "asking": sum(one.asks for one in self._visitors),
-            "films": visitor.film is not None,
+            "awaitsFilm": visitor.film is not None,
         }
         messages = dict(self.session.messages(look))
         state = messages.pop("state")

@@ -431,13 +431,13 @@ class Sandbox:
         A new velocity or angle of the scene takes effect at the next hit only.
         """
         status = self.time.segment.status
-        thrown = scene
+        scene_of_hit = scene
         if label != HIT_AGAIN:
             for key in THROW_KEYS:
                 value = value_of(self.time.segment.scenario.scene, key)
                 if value is not None:
-                    thrown = with_key(thrown, key, value)
-        self.time.carry_on(thrown, label, velocities)
+                    scene_of_hit = with_key(scene_of_hit, key, value)
+        self.time.carry_on(scene_of_hit, label, velocities)
         self.scene = scene
         self.grip = None
         self.paused = self.paused and status not in ("failed", "finished")

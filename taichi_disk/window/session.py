@@ -233,8 +233,8 @@ class Session:
         if self.sandbox.time.lead <= 0.0:
             key = self._graphs_key()
             shared["graphs"] = self._text("graphs", key, self.graphs.message)
-        self._pictures = {}
-        self.messages(self.look)  # the player's scales grow with every picture
+        # The player's picture is made each time, because it lets the scales grow.
+        self._pictures = {self.look: self._picture(self.look)}
 
     def _scene_key(self) -> Any:
         """The scene is sent again if the lattice, the start or the wall's drawing

@@ -662,7 +662,7 @@ def test_the_disk_goes_on_while_a_film_is_made_for_the_player(
         await player.draw(3)
         watcher.say("film")
         await player.draw(3)
-        assert not watcher.texts["role"]["films"]
+        assert not watcher.texts["role"]["awaitsFilm"]
         player.say("set", key="speed", value=0.05)
         player.say("press", key="space")
         player.say("film")
@@ -670,12 +670,12 @@ def test_the_disk_goes_on_while_a_film_is_made_for_the_player(
         drawn = len(player.numbers)
         while "film" not in player.texts:
             await player.draw(1)
-            assert not player.visitor.film or player.texts["role"]["films"]
+            assert not player.visitor.film or player.texts["role"]["awaitsFilm"]
         assert len(player.numbers) > drawn + 50
         page = player.texts["film"]["page"]
         assert page.startswith("<!doctype html>") and "states" in page
         await player.draw(3)
-        assert "film" not in watcher.texts and not player.texts["role"]["films"]
+        assert "film" not in watcher.texts and not player.texts["role"]["awaitsFilm"]
         session.sandbox.set("impact.max_time", 0.1)  # `run` fails
         player.say("film")
         while "max_time" not in player.texts["panel"]["message"]:

@@ -177,7 +177,7 @@ def test_plots_by_threads_with_other_styles_and_by_another_process_have_the_same
         (tmp_path / "b.png").unlink()
         with drawing_process(film=True) as artist:
             process = artist.begin(os.getpid)
-            begin_plot(artist, tmp_path / "b.png", *impact)()
+            begin_plot(artist, tmp_path / "b.png", plot_scene(*impact))()
             assert (process() != os.getpid()) == is_elsewhere
         assert (tmp_path / "b.png").read_bytes() == first
 
