@@ -280,8 +280,10 @@ def _draw_loading(figure: Any, scene: PlotScene) -> None:
     columns = scene.columns
     xi = columns["xi"]
     load = columns["wall_force"]
+    # room for half of the last number of the axis, such as 0.0175
+    layout = LAYOUT | {"right": 0.965}
     force, energy = figure.subplots(
-        2, 1, sharex=True, height_ratios=(2.0, 1.0), gridspec_kw=LAYOUT
+        2, 1, sharex=True, height_ratios=(2.0, 1.0), gridspec_kw=layout
     )
     force.plot(xi, load, "o-", color=LINE, markersize=4, label="equilibria")
     for (name, law), style in zip(scene.laws.items(), ("--", ":"), strict=False):

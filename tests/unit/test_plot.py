@@ -135,6 +135,20 @@ def test_a_loading_shows_load_and_energy_against_the_compression_and_the_law(
     assert np.array_equal(wall, columns["wall"])
 
 
+def test_the_last_number_of_a_loading_s_axis_is_not_cut_off(kernels, tmp_path, figures):
+    # This loading ends just before xi = 0.0175 R, the last number of its axis.
+    scenario, outcome = computed(
+        kernels, "compression", "lattice.points=200", "compression.method=newton"
+    )
+    plot_run(tmp_path / "a.png", plot_scene(scenario, outcome.series))
+    (figure,) = figures
+    ax = figure.axes[1]
+    _, end = ax.get_xlim()
+    last = [label for label in ax.get_xticklabels() if label.get_position()[0] <= end]
+    assert last[-1].get_text() == "0.0175"
+    assert last[-1].get_window_extent().x1 < figure.bbox.x1
+
+
 @pytest.mark.validate
 def test_no_law_is_drawn_for_custom_points_whose_moduli_are_unknown(
     kernels, tmp_path, figures
