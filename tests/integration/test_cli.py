@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from time import monotonic
+from time import time
 from typing import Any
 
 import numpy as np
@@ -382,18 +382,20 @@ def test_in_a_strange_environment_a_run_is_the_same_and_its_wall_clock_adds_up(
         os.environ | {"MATPLOTLIBRC": str(tmp_path / "matplotlibrc")} | environment
     )
     variables = {name: value for name, value in changed.items() if value is not None}
-    began = monotonic()
+    began = time()
     done = command(*arguments(tmp_path / "o", *SMALL), env=variables)
-    took = monotonic() - began
     assert done.returncode == 0, done.stderr
     notes = done.stderr.splitlines()
     assert len(notes) == ("HOME" in environment)
     assert all("note: no writable home" in line for line in notes)
-    summary = json.loads((tmp_path / "o" / "summary.json").read_text())
+    path = tmp_path / "o" / "summary.json"
+    summary = json.loads(path.read_text())
     assert summary["status"] == "done"
-    # The time before the process is counted and after summary.json is written is not
-    # included.
-    assert 0.6 * took <= sum(summary["wall_clock"].values()) <= took
+    # Only the start of the process is missing, which takes longer on a busy machine.
+    # The clock of files ticks every few milliseconds.
+    until_written = path.stat().st_mtime - began
+    counted = sum(summary["wall_clock"].values())
+    assert 0.6 * until_written <= counted <= until_written + 0.02
     assert main(arguments(tmp_path / "plain", *SMALL)) == 0
     assert (tmp_path / "o/plot.png").read_bytes() == (
         tmp_path / "plain/plot.png"

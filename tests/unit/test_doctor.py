@@ -37,21 +37,21 @@ def test_files_of_the_working_folder_change_nothing(tmp_path, monkeypatch, capsy
 
 
 @pytest.mark.parametrize(
-    ("script", "message"),
+    ("script", "seconds", "message"),
     [
-        ("echo note: slow >&2; echo error: no film >&2; exit 1", "no film"),
-        ("kill -SEGV $$", "crashed (SIGSEGV)"),
-        ("exec sleep 60", "no answer within 0.5 s"),
+        ("echo note: slow >&2; echo error: no film >&2; exit 1", 60.0, "no film"),
+        ("kill -SEGV $$", 60.0, "crashed (SIGSEGV)"),
+        ("exec sleep 60", 0.5, "no answer within 0.5 s"),
     ],
 )
 def test_an_error_a_crash_and_a_hang_are_reported_with_the_remedy(
-    tmp_path, monkeypatch, capsys, script, message
+    tmp_path, monkeypatch, capsys, script, seconds, message
 ):
     python = tmp_path / "python"
     python.write_text(f"#!/bin/bash\n{script}\n")
     python.chmod(0o700)
     monkeypatch.setattr(sys, "executable", str(python))
-    monkeypatch.setattr(doctor, "SECONDS", 0.5)
+    monkeypatch.setattr(doctor, "SECONDS", seconds)
     monkeypatch.setenv("TI_OFFLINE_CACHE_FILE_PATH", str(python / "cache"))
     assert main(["doctor"]) == 1
     text = capsys.readouterr().out
