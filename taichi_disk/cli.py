@@ -21,7 +21,7 @@ from taichi_disk.progress import terminal
 from taichi_disk.signals import INTERRUPTED, raise_if_interrupted
 
 DEFAULT_SCENE = "exponential_wall"  # of `view`
-_TRAJECTORIES = ("xyz", "gsd", "vtu", "npz")
+_TRAJECTORIES = ("xyz", "vtu", "npz")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -224,7 +224,7 @@ class Result(Outcome):
         Args:
             path: file, whose suffix is the format (see docs/output.md), or folder for a
                 file trajectory.SUFFIX.
-            format: format in a folder: "xyz", "gsd", "vtu" or "npz".
+            format: format in a folder: "xyz", "vtu" or "npz".
             frames: number of moments, evenly spaced in time.
             times: ascending times within the run to use instead [R/c]; the states are
                 those of the nearest steps.
@@ -453,10 +453,9 @@ class Result(Outcome):
             progress: called as for `run`.
             estimate: whether to estimate the time-step error again, which doubles the
                 work.
-            say: receives a notice if summary.json or timeseries.csv has been changed,
-                which has no effect here.
+            say: receives a notice if the result is not the one in summary.json.
 
-        Raises InputError if there is no run, or if scene.yaml or the lattice in
+        Raises InputError if there is no run, or if a lattice of the user's in
         lattice.npz has been changed.
         """
         folder = as_path(folder, "folder")
@@ -468,22 +467,6 @@ class Result(Outcome):
                 f"{folder}: no run is here (no {name}): compute one with `taichi-disk"
                 " run`"
             )
-        kept = summary.get("digests", {})
-        changed = [
-            name
-            for name, digest in files.digests(folder, summary).items()
-            if kept.get(name, digest) != digest
-        ]
-        if "scene.yaml" in changed:
-            raise InputError(
-                f"{path} has been changed since the run: undo the change, or run it as"
-                " a new scene"
-            )
-        for name in changed:
-            say(
-                f"{folder / name} has been changed since the run; the result is"
-                " computed again from scene.yaml"
-            )
         scene = load_scene(path, overrides)
         work = Work(scene, progress=progress)
         if summary.get("lattice_digest", "") != work.own.digest:
@@ -494,6 +477,13 @@ class Result(Outcome):
             )
         # The step of the run is accepted, even if it is beyond the stability limit.
         outcome = work.solve(work.build(), 1, force=True, estimate=estimate)
+        name, value = outcome.scenario.primary(outcome.series)
+        stored = summary.get(name, value)
+        if stored != value:
+            say(
+                f"{folder}: {name} is {value!r} now, and {stored!r} in summary.json:"
+                " scene.yaml, summary.json or a version has been changed since the run"
+            )
         return cls(**vars(outcome))
 
 
@@ -527,7 +517,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
             the lattice.
         video: whether to make the film, if there is a folder. Without Vulkan it is a
             page, video.html.
-        export: format of a trajectory in the folder: "xyz", "gsd", "vtu" or "npz".
+        export: format of a trajectory in the folder: "xyz", "vtu" or "npz".
         overwrite: whether another run in `out` may be replaced.
         count_on: whether to use out-2, out-3 … if `out` holds another run.
         force: whether to accept a time step beyond the stability limit.

@@ -224,7 +224,6 @@ class Work:
             ]
         self.lap("plot")
         summary["video"] = folder.take_over()
-        summary["digests"] = files.digests(path, summary)
         files.write_summary(path / "summary.json", summary)
 
     def _begin_film(

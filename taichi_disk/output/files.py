@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import csv
-import hashlib
 import json
 import os
 import platform
 import re
 import shutil
-import subprocess
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime, timezone
 from functools import lru_cache
@@ -36,7 +34,6 @@ if TYPE_CHECKING:
 PROGRAM = f"taichi-disk {__version__}"
 # files of a folder that holds a film's pictures, or a trajectory
 NUMBERED = re.compile(r"\d+(_[a-z]+)?\.(png|vtu)")
-GIT_TIMEOUT = 10.0  # [s], for example on a slow network file system
 # what operating systems, network file systems and office programs leave in folders
 LITTER = re.compile(
     r"\.DS_Store|\._.*|Thumbs\.db|desktop\.ini|\.directory|@eaDir|\.nfs.*"
@@ -164,18 +161,6 @@ def read_summary(folder: Path) -> dict[str, Any]:
     return summary
 
 
-def digests(folder: Path, summary: dict[str, Any]) -> dict[str, str]:
-    """Return SHA-256 digests of a run's files, and of its summary without these
-    digests."""
-    contents = {}
-    for name in ("scene.yaml", "timeseries.csv"):
-        contents[name] = b""
-        if (folder / name).is_file():
-            contents[name] = (folder / name).read_bytes()
-    contents["summary.json"] = json.dumps({**summary, "digests": None}).encode()
-    return {name: hashlib.sha256(data).hexdigest() for name, data in contents.items()}
-
-
 def check_pictures(folder: Path) -> None:
     """Raise InputError if `folder` exists and holds anything but numbered files."""
     if folder.exists() and not only_numbered(folder):
@@ -275,40 +260,12 @@ def versions() -> dict[str, str]:
 
 
 def provenance() -> dict[str, str]:
-    """Return date, processor and commit for summary.json, the only file in which equal
-    runs may differ."""
-    facts = {
+    """Return date and processor for summary.json, the only file in which equal runs may
+    differ."""
+    return {
         "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
         "processor": processor(),
     }
-    commit = _git_commit()
-    if commit:
-        facts["git_commit"] = commit
-    return facts
-
-
-@lru_cache(maxsize=1)
-def _git_commit() -> str:
-    """Return the commit of the program's own checkout, or an empty string."""
-    root = Path(__file__).parents[2]
-    if not (root / ".git").exists():
-        return ""
-    # A hook of git sets GIT_DIR and others, which name the user's repository.
-    others = {name: value for name, value in os.environ.items() if name[:4] != "GIT_"}
-    # git is missing, or the folder not ours
-    with contextlib.suppress(OSError, subprocess.SubprocessError):
-        done = subprocess.run(
-            ["git", "describe", "--always", "--dirty", "--exclude=*", "--abbrev=40"],
-            cwd=root,
-            env=others,
-            capture_output=True,
-            text=True,
-            check=True,
-            stdin=subprocess.DEVNULL,
-            timeout=GIT_TIMEOUT,
-        )
-        return done.stdout.strip()
-    return ""
 
 
 def origin(*scenes: DiskScene) -> str:

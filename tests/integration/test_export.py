@@ -128,36 +128,6 @@ def test_npz_has_one_array_at_a_time_in_memory_however_many_frames(tmp_path):
     assert peak(200) < peak(20) + 1_000_000
 
 
-def test_gsd_read_by_gsd(tmp_path):
-    hoomd = pytest.importorskip("gsd.hoomd")
-    path = exported(tmp_path, "gsd")
-    other = tmp_path / "other"
-    other.touch()
-    assert path.stat().st_mode == other.stat().st_mode
-    with hoomd.open(name=str(path), mode="r") as file:
-        assert len(file) == len(TIMES)
-        for shot, t in zip(file, TIMES, strict=True):
-            x, v = state(t)
-            true = truth(t)
-            np.testing.assert_allclose(shot.particles.position[:, :2], x, **SINGLE)
-            np.testing.assert_allclose(shot.particles.velocity[:, :2], v, **SINGLE)
-            np.testing.assert_array_equal(shot.bonds.group, LATTICE.bonds)
-            np.testing.assert_array_equal(
-                shot.particles.typeid, np.arange(len(x)) >= 40
-            )
-            assert (np.abs(x) <= 0.25 * shot.configuration.box[0] * (1 + 1e-6)).all()
-            np.testing.assert_allclose(shot.particles.mass, LATTICE.masses, **SINGLE)
-            np.testing.assert_allclose(shot.particles.diameter, 2.0 * BALL, **SINGLE)
-            assert shot.log["time"][0] == t
-            assert shot.log["elastic_energy"][0] == pytest.approx(
-                true["energy"].sum(), rel=1e-9
-            )
-            for name in ("bonds/strain", "bonds/tension"):
-                close(shot.log[name], true[name.split("/")[1]])
-            close(shot.log["particles/contact_force"][:, :2], true["contact_force"])
-            close(shot.log["particles/stress"], tensor(x))
-
-
 def test_vtu_read_by_meshio_and_vtk(tmp_path):
     meshio = pytest.importorskip("meshio")
     listed = list(
@@ -200,11 +170,10 @@ def test_vtu_read_by_meshio_and_vtk(tmp_path):
 
 
 @pytest.mark.validate
-@pytest.mark.parametrize("format", ["xyz", "gsd"])
-def test_xyz_and_gsd_read_by_ovito(tmp_path, format):
+def test_xyz_read_by_ovito(tmp_path):
     from ovito.io import import_file
 
-    pipeline = import_file(str(exported(tmp_path, format)))
+    pipeline = import_file(str(exported(tmp_path, "xyz")))
     assert pipeline.source.num_frames == len(TIMES)
     x, v = state(1.0)
     true = truth(1.0)
@@ -219,24 +188,19 @@ def test_xyz_and_gsd_read_by_ovito(tmp_path, format):
         "Radius",
     }
     own = {
-        "gsd": {"stress"},
-        "xyz": {
-            "Stress Tensor",
-            "masses",
-            "momenta",
-            "springs_strain",
-            "springs_tension",
-            "springs_energy",
-        },
+        "contact_force",
+        "pressure",
+        "Stress Tensor",
+        "masses",
+        "momenta",
+        "springs_strain",
+        "springs_tension",
+        "springs_energy",
     }
-    assert (
-        set(data.particles.keys())
-        == known | {"contact_force", "pressure"} | own[format]
-    )
-    stress = data.particles["Stress Tensor" if format == "xyz" else "stress"]
+    assert set(data.particles.keys()) == known | own
+    stress = data.particles["Stress Tensor"]
     np.testing.assert_allclose(stress, tensor(x), rtol=1e-9, atol=1e-12)
-    if format == "xyz":
-        assert stress.component_names == ("XX", "YY", "ZZ", "XY", "XZ", "YZ")
+    assert stress.component_names == ("XX", "YY", "ZZ", "XY", "XZ", "YZ")
     types = data.particles.particle_types
     np.testing.assert_array_equal(types != types[0], np.arange(len(x)) >= 40)
     np.testing.assert_allclose(data.particles["Mass"], LATTICE.masses, **SINGLE)
@@ -251,11 +215,6 @@ def test_xyz_and_gsd_read_by_ovito(tmp_path, format):
     assert data.attributes["elastic_energy"] == pytest.approx(
         true["energy"].sum(), rel=1e-9
     )
-    if format == "gsd":
-        np.testing.assert_array_equal(data.particles.bonds.topology, LATTICE.bonds)
-        close(data.particles.bonds["strain"], true["strain"])
-        # no spring crosses an edge of the box
-        assert not np.any(data.particles.bonds.pbc_vectors)
 
 
 @pytest.mark.validate
@@ -337,15 +296,15 @@ def test_what_cannot_be_exported_is_refused_before_anything_is_computed(
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").touch()
     for name, format, message in (
-        ("a.lammps", None, r"formats are xyz \(\.xyz\), gsd"),
-        ("a.xyz", "gsd", r"a\.xyz as gsd: the formats are"),
+        ("a.lammps", None, r"formats are xyz \(\.xyz\), vtu"),
+        ("a.xyz", "vtu", r"a\.xyz as vtu: the formats are"),
         ("mine.pvd", None, "is not a folder with only numbered pictures"),
     ):
         with pytest.raises(InputError, match=message):
             check_export(tmp_path / name, format)
     monkeypatch.setattr(export, "find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r"needs the package gsd: .*\.\[export\]"):
-        check_export(tmp_path, "gsd")
+    with pytest.raises(InputError, match=r"needs the package meshio: .*\.\[export\]"):
+        check_export(tmp_path, "vtu")
     assert check_export(tmp_path, "xyz")[0] == tmp_path / "trajectory.xyz"
 
 

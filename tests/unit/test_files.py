@@ -4,7 +4,6 @@ refused without a trace."""
 from __future__ import annotations
 
 import json
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -129,27 +128,6 @@ def test_a_damaged_summary_is_none(tmp_path, content):
 def test_a_summary_that_is_a_device_is_not_read(tmp_path):
     (tmp_path / "summary.json").symlink_to("/dev/zero")
     assert files.read_summary(tmp_path) == {}
-
-
-def test_the_commit_is_that_of_the_program_whatever_git_s_variables_name(
-    tmp_path, monkeypatch
-):
-    # A hook of git sets them to the user's repository.
-    files._git_commit.cache_clear()
-    commit = files._git_commit()
-    other = tmp_path / "other"
-    identity = ["-c", "user.name=a", "-c", "user.email=b"]
-    for words in (["init", "-q"], ["commit", "-q", "--allow-empty", "-m", "x"]):
-        other.mkdir(exist_ok=True)
-        subprocess.run(["git", *identity, *words], cwd=other, check=True)
-    monkeypatch.setenv("GIT_DIR", str(other / ".git"))
-    monkeypatch.setenv("GIT_WORK_TREE", str(other))
-    monkeypatch.setenv("GIT_INDEX_FILE", str(other / "nothing"))
-    files._git_commit.cache_clear()
-    try:
-        assert files._git_commit() == commit
-    finally:
-        files._git_commit.cache_clear()
 
 
 def test_a_summary_is_json_that_every_reader_takes(tmp_path):
