@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from taichi_disk.computation.driver import State
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import InputError
 from taichi_disk.output.artist import Artist
@@ -21,11 +20,9 @@ from taichi_disk.output.files import (
 )
 from taichi_disk.progress import Progress
 from taichi_disk.render import require_film
-from taichi_disk.render.legend import Legend, Letters, footer
 from taichi_disk.render.moments import (
     WHOLE,
     Caption,
-    Cue,
     Run,
     Span,
     captions,
@@ -35,21 +32,17 @@ from taichi_disk.render.moments import (
     titles,
 )
 from taichi_disk.render.painter import Painter
-from taichi_disk.render.panel import Panel, begin_panel
-from taichi_disk.render.pictures import Pictures, arranged
-from taichi_disk.render.recording import CommonScales, Flight, Recording
-from taichi_disk.render.scales import Scales
+from taichi_disk.render.panel import Panel, panel_scene
+from taichi_disk.render.pictures import Disk, Pictures
+from taichi_disk.render.recording import Flight, Recording, Scales
 from taichi_disk.render.video import GIF_FPS
 from taichi_disk.render.video import video as encoded
+from taichi_disk.render.words import Letters
 from taichi_disk.signals import raise_if_interrupted
 
 FORMATS = (".mp4", ".webm", ".gif", ".html", ".png", "")
-_LABEL_SIZE = 1.5  # size of a comparison's differing keys, relative to the title
 # smallest picture beside which curves have room for their labels [px]
 _MIN_PANEL_SIZE = 360
-_PANEL_WIDTH = 7 / 9  # over the height: with one disk, a film is 16 : 9
-_DISK_WIDTH = 8 / 9  # of one of several disks: two are 16 : 9, three 16 : 6
-_PANEL_LETTER = 20.0  # in a picture of 720 pixels [px]
 
 
 def check_target(path: Path) -> None:
@@ -110,23 +103,27 @@ def prepare_film(
     else:
         frames = round(video.fps * video.seconds)
         shots = cues(runs, common_span(flights), frames, video.fps, span)
+    letters = Letters(video.size, video.text, video.theme)
     panel = None
     if video.panel and video.size >= _MIN_PANEL_SIZE and len(runs) == 1:
-        size = 2 * round(video.size * _PANEL_WIDTH / 2), video.size
-        letter = Letters(video.size / 720, video.text).size(_PANEL_LETTER)
-        panel = begin_panel(artist or Artist(), runs[0], size, letter, video.theme)
+        scene = panel_scene(runs[0], letters, video.theme)
+        panel = Panel(artist or Artist(), scene)
     progress("render", 0, len(shots))
 
     def write(new: Path) -> None:
         times = [cue.t for cue in shots]
-        states = [Recording(one, times, [video.colour]) for one in flights]
-        pictures = _pictures(states, video, shots, titles(runs, labels), panel)
-        size = pictures.width, video.size
+        recordings = [Recording(one, times, [video.colour]) for one in flights]
+        words = [captions(run, shots) for run in runs]
+        pictures = _pictures(
+            recordings, words, video, letters, titles(runs, labels), panel
+        )
         with (
             closing(pictures),
-            encoded(new, path.suffix, size, video.fps, carried) as append,
+            encoded(new, path.suffix, pictures.size, video.fps, carried) as append,
         ):
-            _film(states, shots, pictures, append, progress)
+            for k, finish in enumerate(_finished(pictures, recordings, words, times)):
+                append(finish)
+                progress("render", k + 1, len(shots))
 
     return partial(atomic_write, path, write)
 
@@ -146,70 +143,29 @@ def film_origin(runs: Sequence[Run], video: VideoSection) -> str:
     return origin(*(replace(run.scenario.stored_scene, video=video) for run in runs))
 
 
-def _film(
-    states: Sequence[Recording],
-    shots: Sequence[Cue],
-    pictures: Pictures,
-    append: Callable[[Callable[[], Any]], None],
-    progress: Progress,
-) -> None:
-    moments: Iterator[tuple[State, ...]]
-    moments = zip(*(one.moments() for one in states), strict=True)
-    words = zip(*(captions(one.run, shots) for one in states), strict=True)
-    drawn: float | None = None
-    finished: tuple[float, tuple[Caption, ...]] | None = None
-    for k, (cue, each) in enumerate(zip(shots, words, strict=True)):
-        raise_if_interrupted()
-        if cue.t != drawn:
-            images = pictures.draw(next(moments))
-            drawn = cue.t
-        finish: Callable[[], Any] = pictures.again
-        if (cue.t, each) != finished:
-            finish = partial(pictures.finish, images, each, cue.t)
-            finished = cue.t, each
-        append(finish)
-        progress("render", k + 1, len(shots))
-
-
-# ---- scales and views
-
-
 def _pictures(
-    states: Sequence[Recording],
+    recordings: Sequence[Recording],
+    words: Sequence[Sequence[Caption]],
     video: VideoSection,
-    shots: Sequence[Cue],
+    letters: Letters,
     names: Sequence[tuple[str, ...]],
     panel: Panel | None,
 ) -> Pictures:
-    letters = Letters(video.size / 720, video.text)
-    common = CommonScales.of(states, video.magnify)
-    width = video.size
-    enlarged = 1.0
-    if len(states) > 1:
-        width = 2 * round(video.size * _DISK_WIDTH / 2)
-        enlarged = _LABEL_SIZE
-    size = width, video.size
-    legends = []
-    for one, title in zip(states, names, strict=True):
-        samples = _samples(list(captions(one.run, shots)))
-        painter = painter_of(one, video, common)
-        legends.append(Legend(painter, size, letters, title, samples, enlarged))
-    view = common.view
-    foot = footer(letters, video.size)
-    if foot and not legends[0].painter.has_elastic_wall:
-        # the wall's body carries the scales
-        view = (*view[:2], max(one.edge for one in states), view[3])
-    outer = [one.outer_positions(common.magnify) for one in states]
-    camera = arranged(legends, size, letters, view, outer)
-    paces = {cue.pace for cue in shots}
-    below = len(states) * width, foot
-    scales = Scales(legends[0].painter, below, letters, camera.scale, paces)
-    return Pictures(legends, scales, camera, view, video.supersample, panel)
+    scales = Scales.of(recordings, video.magnify)
+    disks = []
+    for one, title, each in zip(recordings, names, words, strict=True):
+        outer = one.outer_positions(scales.magnify)
+        disks.append(Disk(painter_of(one, video, scales), title, each, outer))
+    xmin, xmax, ymin, ymax = scales.view
+    if letters.footer and not disks[0].painter.has_elastic_wall:
+        ymin = max(one.edge for one in recordings)  # the wall's body carries the scales
+    view = xmin, xmax, ymin, ymax
+    return Pictures(disks, letters, view, video.supersample, panel)
 
 
-def painter_of(states: Recording, video: VideoSection, common: CommonScales) -> Painter:
+def painter_of(recording: Recording, video: VideoSection, scales: Scales) -> Painter:
     """Return the painter that draws the states of one run."""
-    scenario = states.run.scenario
+    scenario = recording.run.scenario
     return Painter(
         lattice=scenario.lattice,
         springs=scenario.model.springs,
@@ -217,16 +173,32 @@ def painter_of(states: Recording, video: VideoSection, common: CommonScales) -> 
         colour=video.colour,
         draw=video.draw,
         theme=video.theme,
-        limit=common.limits[video.colour],
-        full_force=common.full_force,
-        full_speed=states.full_speed,
-        edge=states.edge,
+        limit=scales.limits[video.colour],
+        full_force=scales.full_force,
+        full_speed=recording.full_speed,
+        edge=recording.edge,
         spoke=scenario.spoke,
-        magnify=common.magnify,
+        magnify=scales.magnify,
     )
 
 
-def _samples(words: Sequence[Caption]) -> list[Caption]:
-    """Return the first and the last caption, and one of each kind."""
-    kinds = {(one.note, one.result): one for one in words}
-    return [words[0], words[len(words) // 2], words[-1], *kinds.values()]
+def _finished(
+    pictures: Pictures,
+    recordings: Sequence[Recording],
+    words: Sequence[Sequence[Caption]],
+    times: Sequence[float],
+) -> Iterator[Callable[[], Any]]:
+    """Draw one picture after the other, and yield functions that finish them, for
+    another thread."""
+    states = zip(*(one.states() for one in recordings), strict=True)
+    finished: Any = None
+    for k, t in enumerate(times):
+        raise_if_interrupted()
+        if k == 0 or t != times[k - 1]:
+            images = pictures.draw(next(states))
+        captions_now = [each[k] for each in words]
+        if (t, captions_now) == finished:
+            yield pictures.again
+        else:
+            yield partial(pictures.finish, images, captions_now, t)
+        finished = t, captions_now

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -46,14 +45,12 @@ class Cue:
     pace: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass
 class Caption:
-    """The changing words of a picture. `motion` is the number that stands for the main
-    curve."""
+    """The changing words of a picture. `lines` begin with the time and the number that
+    stands for the main curve."""
 
-    time: str
-    motion: str = ""
-    others: tuple[str, ...] = ()
+    lines: Sequence[str]
     note: str = ""
     result: str = ""
     pace: tuple[str, ...] = ()
@@ -101,39 +98,31 @@ def time_of(moment: Any, columns: dict[str, Array]) -> float:
 # ---- the pace of a film
 
 
-def film_times(
-    whole: tuple[float, float], runs: Sequence[Run], longest: Run, pictures: int
-) -> Array:
-    """Return the times (pictures,) [R/c] of a film over the times `whole`, at a pace
-    that changes smoothly from the flights to the slow motion of the contact."""
-    if not longest.scenario.is_thrown:
-        return longest.scenario.frame_times(longest.series, pictures)
-    first, second = _slow_interval(whole, runs)
-    t = np.linspace(*whole, _PACE_TIMES)
-    flight = np.where(t < first, first - whole[0], whole[1] - second)
-    away = np.maximum(np.maximum(first - t, t - second), 0.0)
-    part = np.minimum(away / np.maximum(_CHANGE * flight, 1e-9), 1.0)
-    # The pace, over the slowest, grows up to `fastest` evenly in the film's time, so
-    # its square does in the run's.
-    fastest = np.maximum((1.0 + _CHANGE) * flight / (_FLIGHT * (second - first)), 1.0)
-    number = np.cumsum(1.0 / np.sqrt(1.0 + part * (fastest**2 - 1.0)))
-    return np.interp(np.linspace(number[0], number[-1], pictures), number, t)
-
-
 def contact_of(run: Run) -> tuple[float, float]:
     """Return the first and last time of the contact [R/c]."""
     columns = run.series
     return contact_interval(columns["t"], columns["wall_force"], columns["com_vy"])
 
 
-def _slow_interval(
-    whole: tuple[float, float], runs: Sequence[Run]
-) -> tuple[float, float]:
-    contacts = [contact_of(run) for run in runs]
-    first = min(start for start, _ in contacts)
-    second = max(end for _, end in contacts)
+def film_times(whole: tuple[float, float], runs: Sequence[Run], longest: Run) -> Array:
+    """Return the times (_PACE_TIMES,) [R/c] of a film over the times `whole`, at a pace
+    that changes smoothly from the flights to the slow motion of the contact."""
+    if not longest.scenario.is_thrown:
+        return longest.scenario.frame_times(longest.series, _PACE_TIMES)
+    contacts = np.array([contact_of(run) for run in runs])
+    first = contacts[:, 0].min()
+    second = contacts[:, 1].max()
     beside = _AROUND_CONTACT * (second - first)
-    return max(first - beside, whole[0]), min(second + beside, whole[1])
+    first, second = np.clip([first - beside, second + beside], *whole)
+    t = np.linspace(*whole, _PACE_TIMES)
+    flight = np.where(t < first, first - whole[0], whole[1] - second)
+    away = np.abs(t - np.clip(t, first, second))
+    part = np.minimum(away / np.maximum(_CHANGE * flight, 1e-9), 1.0)
+    # The pace, over the slowest, grows up to `fastest` evenly in the film's time, so
+    # its square does in the run's.
+    fastest = np.maximum((1.0 + _CHANGE) * flight / (_FLIGHT * (second - first)), 1.0)
+    number = np.cumsum(1.0 / np.sqrt(1.0 + part * (fastest**2 - 1.0)))
+    return np.interp(np.linspace(number[0], number[-1], _PACE_TIMES), number, t)
 
 
 def cues(
@@ -148,7 +137,6 @@ def cues(
     `flights`: first and last time of the whole film [R/c]. Raises InputError for an
     empty span.
     """
-    count = max(3, frames)
     longest = max(runs, key=lambda run: float(run.series["t"][-1]))
     columns = longest.series
     first, last = flights
@@ -162,36 +150,33 @@ def cues(
             f" {last:.6g} R/c"
         )
     peak = greatest_compression(columns)
-    # The first picture is repeated, and those of the peak and of the end.
+    count = max(3, frames)
     start = round(_START * count) if first == flights[0] else 0
     pause = round(_PAUSE * count) if first <= peak <= last else 0
     end = max(round(_END * count), 1) if last >= columns["t"][-1] else 0
     moving = count - start - pause - end
-    every = film_times(flights, runs, longest, _PACE_TIMES)
-    number = np.arange(_PACE_TIMES)
     # A part of a film keeps the pace of the whole.
+    every = film_times(flights, runs, longest)
+    number = np.arange(_PACE_TIMES)
     begin, stop = np.interp([first, last], every, number)
     times = np.interp(np.linspace(begin, stop, moving), number, every)
     paces = _pace_words(longest, times, fps)
     greatest = int(np.abs(times - peak).argmin())
     if pause and 0 < greatest < moving - 1:
         times[greatest] = peak
-    repeats = np.zeros(moving, dtype=int)
-    repeats[0] += start
-    repeats[greatest] += pause
-    repeats[-1] += end
-    found = []
-    for t, pace, repeated in zip(times.tolist(), paces, repeats, strict=True):
-        note = MOMENTS["greatest"] if t == peak else ""
-        found.append(Cue(t, pace=pace))
-        found += repeat(Cue(t, note), repeated)
-    return found
+    held = [0] * start + [greatest] * pause + [moving - 1] * end
+    shots = [(k, Cue(times[k], pace=paces[k])) for k in range(moving)]
+    for k in held:
+        note = MOMENTS["greatest"] if times[k] == peak else ""
+        shots.append((k, Cue(times[k], note)))
+    shots.sort(key=lambda shot: shot[0])
+    return [cue for _, cue in shots]
 
 
 def _pace_words(run: Run, times: Array, fps: int) -> list[tuple[str, ...]]:
     pace_text = run.scenario.words.pace
     if not pace_text:
-        return [() for _ in times]
+        return [()] * len(times)
     words = []
     paces = fps * np.diff(times, append=2.0 * times[-1] - times[-2])
     for pace in paces:
@@ -207,51 +192,34 @@ def still_cue(run: Run, span: Span) -> Cue:
     return Cue(t, MOMENTS.get(str(span.at), ""))
 
 
-def captions(run: Run, cues: Sequence[Cue]) -> Iterator[Caption]:
+def captions(run: Run, cues: Sequence[Cue]) -> list[Caption]:
     """Return the words of each picture of `run`."""
     columns = run.series
+    scenario = run.scenario
     times = [cue.t for cue in cues]
+    rows = [np.interp(times, columns["t"], each) for each in columns.values()]
     peak = greatest_compression(columns)
-    rows = {
-        name: np.interp(times, columns["t"], each) for name, each in columns.items()
-    }
-    rows["t"] = np.array(times)
-    numbers = run.scenario.result(columns)
-    result = run.scenario.words.marks[0].format(**numbers)
-    result_time = float(columns["t"][-1])
-    if run.scenario.is_thrown:
+    result_time = columns["t"][-1]
+    if scenario.is_thrown:
         _, result_time = contact_of(run)
-    for k, cue in enumerate(cues):
-        row = {name: float(values[k]) for name, values in rows.items()}
-        time, *others = run.scenario.caption(row)
-        note = cue.note
-        if note == MOMENTS["greatest"] and abs(cue.t - peak) > _NEAR_PEAK * peak:
-            note = ""  # the cue belongs to another run
-        has_result = cue.t >= result_time
-        if has_result and not run.scenario.is_thrown:
-            others = []  # the result says it with more digits
-        yield Caption(
-            time=time,
-            motion="".join(others[:1]),
-            others=tuple(others[1:]),
-            note=note,
-            result=result if has_result else "",
-            pace=cue.pace,
-        )
+    result = scenario.words.marks[0].format(**scenario.result(columns))
+    found = []
+    for cue, *row in zip(cues, *rows, strict=True):
+        values = dict(zip(columns, map(float, row), strict=True))
+        one = Caption(scenario.caption(values | {"t": cue.t}), cue.note, pace=cue.pace)
+        if cue.t >= result_time:
+            one.result = result
+            if not scenario.is_thrown:
+                one.lines = one.lines[:1]  # the result says it with more digits
+        if one.note == MOMENTS["greatest"] and abs(cue.t - peak) > _NEAR_PEAK * peak:
+            one.note = ""  # the cue belongs to another run
+        found.append(one)
+    return found
 
 
 # ---- comparisons of runs
 
-_SYMBOLS = {
-    "eta_star": "η*",
-    "viscosity": "η",
-    "velocity": "v",
-    "friction": "μ",
-    "points": "N",
-    "pressure": "P",
-}
 MAX_RUNS = 4
-_NOT_PHYSICAL = ("time", "video")  # sections that do not change the physics
 
 
 def check_runs(runs: Sequence[Run], labels: Sequence[str] = ()) -> None:
@@ -270,37 +238,14 @@ def check_runs(runs: Sequence[Run], labels: Sequence[str] = ()) -> None:
 
 
 def titles(runs: Sequence[Run], labels: Sequence[str] = ()) -> list[tuple[str, ...]]:
-    """Return the title lines of each run. The first line of compared runs names the
-    keys in which their scenes differ, or is one of `labels`."""
+    """Return the title lines of each run. The first line of compared runs is one of
+    `labels`, or else names the parameters in which the runs differ."""
     known = [run.scenario.words.title for run in runs]
-    names = list(labels) or _differences(runs)
-    if not names:
-        return known
-    return [
-        (name or title[0], *title[1:]) for name, title in zip(names, known, strict=True)
-    ]
-
-
-def _differences(runs: Sequence[Run]) -> list[str]:
-    scenes = [run.scenario.stored_scene for run in runs]
-    if len(runs) == 1 or len({scene.scene for scene in scenes}) > 1:
-        return []
-    parts: list[list[str]] = [[] for _ in runs]
-    for section_name, section in scenes[0].sections().items():
-        if section_name in _NOT_PHYSICAL:
-            continue
-        for name, key in section.schema().items():
-            values = [getattr(getattr(scene, section_name), name) for scene in scenes]
-            if len(set(values)) == 1:
-                continue
-            symbol = _SYMBOLS.get(name, name.replace("_", " "))
-            for part, value in zip(parts, values, strict=True):
-                part.append(f"{symbol} = {_number(value, key.unit)}")
-    return ["    ".join(part) for part in parts]
-
-
-def _number(value: Any, unit: str) -> str:
-    number = f"{value:g}" if isinstance(value, float) else f"{value}"
-    if unit.startswith("1/"):
-        return f"{number}{unit[1:]}"
-    return f"{number} {unit}".strip()
+    names = list(labels) or [title[0] for title in known]
+    if not labels and len(set(names)) == 1:
+        parameters = ["    ".join(title[1:]).split("    ") for title in known]
+        common = set(parameters[0]).intersection(*parameters)
+        for k, parts in enumerate(parameters):
+            differing = [part for part in parts if part not in common]
+            names[k] = "    ".join(differing) or names[k]
+    return [(name, *title[1:]) for name, title in zip(names, known, strict=True)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 
@@ -10,32 +9,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_disk.output.artist import Artist
-from taichi_disk.output.panel import (
-    ON_DARK,
-    PanelPictures,
-    PanelScene,
-    draw_panel,
-    factored,
-)
+from taichi_disk.output.panel import ON_DARK, PanelScene, draw_panel, factored
 from taichi_disk.output.plot import axis_labels, curves, last_motion
 from taichi_disk.render.moments import Run, contact_of
 from taichi_disk.render.palette import THEMES
+from taichi_disk.render.words import Letters
 
-Picture = NDArray[np.uint8]
-
+_WIDTH = 7 / 9  # over the height: with one disk, a film is 16 : 9
 _BESIDE_CONTACT = 0.32  # shown before and after a contact, over its duration
 _COMING = {"light": "#B8B8B7", "dark": "#54575E"}
-# radius of a dot, and width of the rim around it, in a picture of 720 pixels [px]
+# Sizes are [px] in a picture of 720 pixels.
+_LETTER = 20.0
+_CURSOR = 2.0
+# radius of a dot, and width of the rim around it
 _DOT = 5.0
 _RIM = 1.2
 
 
-def begin_panel(
-    artist: Artist, run: Run, size: tuple[int, int], letter: float, theme: str
-) -> Panel:
-    """Let `artist` begin to draw the panel, and return it. `size`: (width, height)
-    [px]; `letter`: size of the titles' letters [px]."""
+def panel_scene(run: Run, letters: Letters, theme: str) -> PanelScene:
     columns = run.series
+    size = 2 * round(letters.height * _WIDTH / 2), letters.height
     # Twice as many samples as columns are enough, and quick to send.
     times = np.linspace(*_span(run), 2 * size[0])
     shown = []
@@ -50,18 +43,15 @@ def begin_panel(
             values = np.interp(times, columns["t"], one.values / unit)
             colour = ON_DARK[one.colour] if theme == "dark" else one.colour
             shown.append(replace(one, values=values.astype(np.float32), colour=colour))
-    names = ("ground", "ink", "faint", "rule")
-    colours = {name: getattr(THEMES[theme], name) for name in names}
-    scene = PanelScene(
+    return PanelScene(
         t=times,
         curves=shown,
         labels=labels,
         time_label=run.scenario.words.time,
         size=size,
-        letter=letter,
-        colours=colours | {"coming": _COMING[theme]},
+        letter=letters.size(_LETTER),
+        colours=vars(THEMES[theme]) | {"coming": _COMING[theme]},
     )
-    return Panel(artist.begin(draw_panel, scene), scene)
 
 
 def _span(run: Run) -> tuple[float, float]:
@@ -77,63 +67,52 @@ def _span(run: Run) -> tuple[float, float]:
 class Panel:
     """Repaints what changes from one picture to the next. `width` [px]."""
 
-    def __init__(self, drawn: Callable[[], PanelPictures], scene: PanelScene) -> None:
+    def __init__(self, artist: Artist, scene: PanelScene) -> None:
+        """Let `artist` begin to draw the curves of `scene`."""
         self.width, height = scene.size
         unit = height / 720
-        self._span = scene.t[[0, -1]]
-        self._drawn = lru_cache(drawn)
-        self._cursor = np.rint(255.0 * np.array([*scene.colours["faint"], 1.0]))
-        self._cursor_width = max(round(2.0 * unit), 1)
-        # Each dot covers a square of pixels, by parts from 0 to 1.
-        self._reach = round(_DOT * unit) + 4
-        places = np.arange(-self._reach, self._reach + 1)
+        self._scene = scene
+        self._drawn = lru_cache(artist.begin(draw_panel, scene))
+        self._cursor = max(round(_CURSOR * unit), 1)
+        # A dot and its rim cover parts of the pixels of a square.
+        reach = round(_DOT * unit) + 4
+        places = np.arange(-reach, reach + 1)
         distances = np.hypot(places[:, None], places)[..., None]
         radius = max(_DOT * unit, 2.5)
-        disc = np.clip(radius + 0.5 - distances, 0.0, 1.0)
-        rimmed = np.clip(radius + _RIM + 0.5 - distances, 0.0, 1.0)
-        ground = 255.0 * np.asarray(scene.colours["ground"])
-        inks = [np.array([*bytes.fromhex(one.colour[1:])]) for one in scene.curves]
-        self._free = 1.0 - rimmed
-        self._dots = [(rimmed - disc) * ground + disc * ink for ink in inks]
+        self._disc = np.clip(radius + 0.5 - distances, 0.0, 1.0)
+        self._rimmed = np.clip(radius + _RIM + 0.5 - distances, 0.0, 1.0)
 
-    def draw(self, picture: Picture, t: float) -> None:
+    def draw(self, picture: NDArray[np.uint8], t: float) -> None:
         """Draw the curves up to `t` [R/c] into `picture` (height, width, 4)."""
-        pictures = self._drawn()
-        left, right, _, _ = pictures.boxes[0]
-        start, end = self._span
+        drawn = self._drawn()
+        left, right, _, _ = drawn.boxes[0]
+        start, *_, end = self._scene.t
         column = left + round((right - left - 1) * (t - start) / (end - start))
-        is_visible = left <= column < right
-        past = slice(max(column, 0))
+        past = max(column, 0)
         if column >= right:
-            past = slice(None)
-        # four bytes at a time, which is several times faster
-        pixels = picture.view(np.uint32)
-        pixels[...] = pictures.coming.view(np.uint32)
-        pixels[:, past] = pictures.past.view(np.uint32)[:, past]
-        if is_visible:
-            self._draw_cursor(picture, pictures, column)
-            self._draw_dots(picture, pictures, column)
+            past = self.width
+        picture[:, :past] = drawn.past[:, :past]
+        picture[:, past:] = drawn.coming[:, past:]
+        if left <= column < right:
+            columns = slice(column, column + self._cursor)
+            colour = np.rint(255.0 * np.array(self._scene.colours["faint"]))
+            for _, _, top, bottom in drawn.boxes:
+                picture[top:bottom, columns, :3] = colour
+            # The line of the present moment is behind the names of curves.
+            for first, last, top, bottom in drawn.names:
+                if first <= columns.stop and columns.start <= last:
+                    picture[top:bottom, columns] = drawn.past[top:bottom, columns]
+            for curve, rows in zip(self._scene.curves, drawn.rows, strict=True):
+                self._draw_dot(picture, column, rows[column - left], curve.colour)
 
-    def _draw_cursor(
-        self, picture: Picture, pictures: PanelPictures, column: int
+    def _draw_dot(
+        self, picture: NDArray[np.uint8], column: int, row: float, colour: str
     ) -> None:
-        """Draw the line of the present moment behind the names of curves."""
-        columns = slice(column, column + self._cursor_width)
-        for _, _, top, bottom in pictures.boxes:
-            picture[top:bottom, columns] = self._cursor
-        for first, last, top, bottom in pictures.names:
-            overlaps = first <= columns.stop and columns.start <= last
-            if overlaps:
-                picture[top:bottom, columns] = pictures.past[top:bottom, columns]
-
-    def _draw_dots(
-        self, picture: Picture, pictures: PanelPictures, column: int
-    ) -> None:
-        """Draw a dot at the present value of each curve."""
-        left = pictures.boxes[0][0]
-        for rows, dot in zip(pictures.rows, self._dots, strict=True):
-            top = round(float(rows[column - left])) - self._reach
-            first = column - self._reach
-            size = len(dot)
-            patch = picture[top : top + size, first : first + size, :3]
-            patch[...] = np.rint(self._free * patch + dot)
+        size = len(self._disc)
+        top = round(float(row)) - size // 2
+        first = column - size // 2
+        patch = picture[top : top + size, first : first + size, :3]
+        ground = 255.0 * np.array(self._scene.colours["ground"])
+        ink = np.array([*bytes.fromhex(colour[1:])])
+        rim = (self._rimmed - self._disc) * ground
+        patch[...] = np.rint((1.0 - self._rimmed) * patch + (rim + self._disc * ink))

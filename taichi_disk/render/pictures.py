@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,50 +12,90 @@ from PIL import Image, ImageDraw
 from taichi_disk.computation.driver import State
 from taichi_disk.lattice import Array
 from taichi_disk.render.geometry import Camera, View
-from taichi_disk.render.legend import Box, Legend, Letters, footer, ink
 from taichi_disk.render.moments import Caption
 from taichi_disk.render.offscreen import open_window
+from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import THEMES
 from taichi_disk.render.panel import Panel
-from taichi_disk.render.scales import Scales
 from taichi_disk.render.video import Picture
+from taichi_disk.render.words import (
+    Box,
+    Legend,
+    Letters,
+    Scales,
+    caption_lines,
+    ink,
+    legend,
+)
 
 _MARGIN = 8.0  # margin beside the view in a picture of 720 pixels [px]
 # width of the strip drawn around the view, which outlines and the wall's edge need [px]
 _OVERDRAW = 3.0
+_DISK_WIDTH = 8 / 9  # over the height, of one of several disks: two are 16 : 9
+_LABEL_SIZE = 1.5  # size of a comparison's differing keys, relative to the title
 _CLEAR = 4.0  # least distance of the disk to words in a picture of 720 pixels [px]
 
 
+@dataclass(frozen=True)
+class Disk:
+    """What one disk's picture shows.
+
+    Attributes:
+        title: constant lines of words.
+        captions: changing words of each picture.
+        outer: positions (n, 2) [R] of the disk where it reaches farthest.
+    """
+
+    painter: Painter
+    title: Sequence[str]
+    captions: Sequence[Caption]
+    outer: Sequence[Array]
+
+
 def arranged(
-    legends: Sequence[Legend],
-    size: tuple[int, int],
-    letters: Letters,
-    view: View,
-    outer: Sequence[Sequence[Array]],
-) -> Camera:
-    """Return the camera of one or several disks, each in a picture of `size` [px], and
-    let words stand in the corners if no disk reaches them and walls are rigid, else in
-    a band above.
+    disks: Sequence[Disk], width: int, letters: Letters, view: View
+) -> tuple[Camera, list[Legend]]:
+    """Return the camera of disks in pictures of `width` [px], and their words: in the
+    corners if no disk reaches them and walls are rigid, else in a band above.
 
     The view ends at the footer.
-
-    `outer`: positions (n, 2) [R] of the disk of each legend where it reaches farthest.
     """
-    width, height = size
     _, _, ymin, ymax = view
-    bottom = height - footer(letters, height)
+    height = letters.height
+    bottom = height - letters.footer
     beside = _MARGIN * letters.unit
-    has_body_below = any(legend.painter.has_elastic_wall for legend in legends)
+    enlarged = _LABEL_SIZE if len(disks) > 1 else 1.0
+    has_body_below = any(one.painter.has_elastic_wall for one in disks)
     for is_band in (has_body_below, True):
-        header = max(legend.set_band(is_band) for legend in legends)
+        legends = [
+            legend(
+                letters,
+                width,
+                one.title,
+                one.painter.remarks,
+                _samples(one.captions),
+                is_band,
+                enlarged,
+            )
+            for one in disks
+        ]
+        header = max(one.header for one in legends)
         viewport = beside, width - beside, float(header), float(bottom)
         camera = Camera.fit(view, width, height, viewport=viewport)
         free = bottom - header - camera.scale * (ymax - ymin)
         camera = camera.panned(0.0, 0.5 * free)
-        pairs = zip(legends, outer, strict=True)
-        if not any(_touch(camera, each, one.boxes(), letters) for one, each in pairs):
+        pairs = zip(disks, legends, strict=True)
+        if not any(
+            _touch(camera, one.outer, each.boxes, letters) for one, each in pairs
+        ):
             break
-    return camera
+    return camera, legends
+
+
+def _samples(words: Sequence[Caption]) -> list[Caption]:
+    """Return the first and the last caption, and one of each kind."""
+    kinds = {(one.note, one.result): one for one in words}
+    return [words[0], words[len(words) // 2], words[-1], *kinds.values()]
 
 
 def _touch(
@@ -89,65 +130,67 @@ class Pictures:
 
     An instance holds the process's only window until it is closed. Call `draw` in the
     thread that made the instance. Call `finish` and `again` in another thread; they
-    always return the same array. `width`: width of a picture [px].
+    always return the same array. `size`: width and height of a picture [px].
     """
 
     def __init__(
         self,
-        legends: Sequence[Legend],
-        scales: Scales,
-        camera: Camera,
+        disks: Sequence[Disk],
+        letters: Letters,
         view: View,
-        supersample: float,
+        supersample: float = 1.0,
         panel: Panel | None = None,
     ) -> None:
         """
         Args:
-            camera: of the picture of one disk, whose width and height are even.
-            view: what it shows (xmin, xmax, ymin, ymax) [R].
+            view: what is shown of the scene (xmin, xmax, ymin, ymax) [R].
             supersample: samples across a pixel, 1, 1.5 or 2.
             panel: curves at the right.
         """
-        self._legends = legends
-        self._scales = scales
-        self._one_width = camera.width
-        self._disks = len(legends) * camera.width
-        self.width = self._disks
-        if panel:
-            self.width += panel.width
-        self._supersample = supersample
+        self._painters = [one.painter for one in disks]
+        self._letters = letters
         self._panel = panel
+        height = letters.height
+        width = height if len(disks) == 1 else 2 * round(height * _DISK_WIDTH / 2)
+        camera, legends = arranged(disks, width, letters, view)
+        self._width = width
+        self._disks = len(disks) * width
+        self.size = self._disks, height
+        if panel:
+            self.size = self._disks + panel.width, height
+        paces = {one.pace for one in disks[0].captions}
+        self._scales = Scales(
+            self._painters[0], self._disks, letters, camera.scale, paces
+        )
+        self._supersample = supersample
         self._rows, self._columns = _drawn(camera, view)
         self._camera = camera.cropped(self._rows, self._columns, supersample)
-        self._unit = camera.height / 720 * supersample
-        ground = THEMES[legends[0].painter.theme].ground
-        still = Image.new("RGBA", (self.width, camera.height), (*ink(ground), 255))
-        draw = ImageDraw.Draw(still)
-        for k, legend in enumerate(legends):
-            for line in legend.lines:
-                line.draw(draw, k * camera.width, 0.0)
-        words = np.asarray(still).view(np.uint32)[..., 0]
-        self._words = np.nonzero(words != words[0, 0])
-        self._footer = camera.height - scales.height
-        scales.draw(draw, self._footer)
-        # The same memory as bytes, as pixels of four bytes, and as Pillow's image.
-        self._picture = np.array(still)
+        ground = THEMES[self._painters[0].theme].ground
+        self._picture = np.full((height, self.size[0], 4), 255, dtype=np.uint8)
+        self._picture[..., :3] = ink(ground)
+        # The same memory as pixels of four bytes, and as Pillow's image.
         self._pixels = self._picture.view(np.uint32)[..., 0]
-        image = Image.frombuffer("RGBA", still.size, self._picture, "raw", "RGBA", 0, 1)
+        image = Image.frombuffer("RGBA", self.size, self._picture, "raw", "RGBA", 0, 1)
         image.readonly = 0
         self._draw = ImageDraw.Draw(image)
+        for k, one in enumerate(legends):
+            for line in one.lines:
+                line.draw(self._draw, k * width, 0.0)
+        self._words = np.nonzero(self._pixels != self._pixels[0, 0])
+        self._scales.draw(self._picture, self._draw)
         self._still = self._pixels.copy()
         drawn = self._camera.width, self._camera.height
         self._bytes = np.empty((*drawn, 4), dtype=np.uint8)
         self._window = open_window("taichi-disk", drawn, show_window=False)
 
-    def draw(self, moments: Sequence[State]) -> list[NDArray[np.float32]]:
+    def draw(self, states: Sequence[State]) -> list[NDArray[np.float32]]:
         """Return GGUI's image of each disk, [x, y upwards, colour]."""
         images = []
         canvas = self._window.get_canvas()
         is_soft = self._window.is_soft
-        for legend, (_, x, v) in zip(self._legends, moments, strict=True):
-            legend.painter.paint(canvas, self._camera, x, v, self._unit, is_soft)
+        unit = self._letters.unit * self._supersample
+        for painter, (_, x, v) in zip(self._painters, states, strict=True):
+            painter.paint(canvas, self._camera, x, v, unit, is_soft)
             images.append(self._window.get_image_buffer_as_numpy())
         return images
 
@@ -159,18 +202,16 @@ class Pictures:
     ) -> Picture:
         """Return the picture (height, width, 4) with the images, the captions of the
         disks, and the curves up to `t` [R/c]."""
-        disks = self._pixels[:, : self._disks]
-        for rows in (slice(self._rows.start), slice(self._rows.stop, None)):
-            disks[rows] = self._still[rows, : self._disks]
+        width = self._width
+        self._pixels[:] = self._still
         for k, image in enumerate(images):
-            left = k * self._one_width
-            self._place(disks[:, left : left + self._one_width], image)
+            self._place(self._pixels[:, k * width : (k + 1) * width], image)
         self._pixels[self._words] = self._still[self._words]
-        for k, legend in enumerate(self._legends):
-            for line in legend.caption_lines(captions[k]):
-                line.draw(self._draw, k * self._one_width, 0.0)
+        for k, caption in enumerate(captions):
+            for line in caption_lines(self._letters, caption, width):
+                line.draw(self._draw, k * width, 0.0)
         for line in self._scales.pace_lines(captions[0].pace):
-            line.draw(self._draw, 0.0, self._footer)
+            line.draw(self._draw, 0.0, self._letters.height - self._letters.footer)
         if self._panel:
             self._panel.draw(self._picture[:, self._disks :], t)
         return self._picture

@@ -1,4 +1,4 @@
-"""States of a run at the times of its pictures, and the scales that fit them, from one
+"""States of runs at the times of their pictures, and the scales that fit them, from one
 replay."""
 
 from __future__ import annotations
@@ -34,13 +34,6 @@ _SIDE_MARGIN = 0.05
 # greatest visible height of a disk that flies on until all compared runs have ended [R]
 _MAX_HEIGHT = 4.0
 _WALL_DEPTH = 0.16  # visible part of the rigid wall below its edge [R]
-# most memory for positions between the choice of the scales and the pictures
-MAX_BYTES = 5e8
-# largest deviation of a point from a rigid motion, over the largest speed
-_RIGID = 1e-9
-
-
-# ---- flights
 
 
 @dataclass(frozen=True)
@@ -49,79 +42,60 @@ class Flight:
 
     Attributes:
         start, end: first and last time of a film of the whole run [R/c].
-        velocity, spin: rigid motion before t = 0 [c], [c/R].
     """
 
     run: Run
     start: float
     end: float
-    velocity: Array
-    spin: float
 
     @classmethod
     def of(cls, run: Run, height: float) -> Flight:
         """Return the flight that begins and ends with the disk at `height` [R] above
         the wall's edge, or higher if the run begins there.
 
-        Without a rigid motion at t = 0, or with dashpots that would slow a spin, there
-        is no flight.
+        With velocities of the user's own, or with dashpots that would slow a spin,
+        there is no flight.
         """
         scenario = run.scenario
         columns = run.series
         last = float(columns["t"][-1])
-        velocity, spin = _rigid_motion(run)
-        springs = scenario.model.springs
-        is_slowed = bool(spin) and springs.damped and not springs.axial
-        if not scenario.is_thrown or height == 0.0 or velocity is None or is_slowed:
-            return cls(run, 0.0, last, np.zeros(2), 0.0)
+        if height == 0.0 or not _flies(run):
+            return cls(run, 0.0, last)
         edge = edge_height(scenario.model.wall, run.largest_force)
         first = columns["lowest_y"][0]
-        final = columns["lowest_y"][-1]
         top = max(edge + height, first)
-        start = (top - first) / velocity[1]
-        end = last + max(top - final, 0.0) / columns["com_vy"][-1]
-        return cls(run, float(start), float(end), velocity, spin)
+        _, velocity = scenario.lattice.mean(scenario.velocities)
+        start = (top - first) / velocity
+        beyond = max(top - columns["lowest_y"][-1], 0.0) / columns["com_vy"][-1]
+        return cls(run, float(start), float(last + beyond))
 
     def frames(self, times: Array) -> Iterator[State]:
-        """Yield the moments at ascending `times` [R/c]."""
-        times = np.asarray(times)
-        is_before = times < 0.0
-        for t in times[is_before]:
-            yield self._before(float(t))
-        if not is_before.all():
-            yield from self.run.frames(times[~is_before])
+        """Yield the states at ascending `times` [R/c]."""
+        yield from map(self._before, times[times < 0.0])
+        if times[-1] >= 0.0:
+            yield from self.run.frames(times[times >= 0.0])
 
     def _before(self, t: float) -> State:
         scenario = self.run.scenario
         lattice = scenario.lattice
-        n = scenario.lattice.disk_points
+        n = lattice.disk_points
+        angle = scenario.scene.impact.spin * t
         centre = lattice.mean(lattice.positions)
-        arms = turned(lattice.positions[:n] - centre, self.spin * t)
+        velocity = lattice.mean(scenario.velocities)
         x = lattice.positions.copy()
-        x[:n] = centre + self.velocity * t + arms
+        x[:n] = centre + velocity * t + turned(x[:n] - centre, angle)
         v = scenario.velocities.copy()
-        v[:n] = self.velocity + self.spin * np.stack([-arms[:, 1], arms[:, 0]], axis=1)
+        v[:n] = velocity + turned(v[:n] - velocity, angle)
         return State(t, x, v)
 
 
-def _rigid_motion(run: Run) -> tuple[Array | None, float]:
-    """Return velocity [c] and spin [c/R] of the disk at t = 0; None without a rigid
-    motion."""
-    lattice = run.scenario.lattice
-    velocities = run.scenario.velocities
-    n = lattice.disk_points
-    velocity = lattice.mean(velocities)
-    arms = lattice.positions[:n] - lattice.mean(lattice.positions)
-    relative = velocities[:n] - velocity
-    across = np.stack([-arms[:, 1], arms[:, 0]], axis=1)
-    spin = round(float((across * relative).sum() / (across**2).sum()), 12)
-    deviation = np.abs(relative - spin * across).max()
-    if deviation > _RIGID * np.abs(velocities).max():
-        return None, 0.0
-    return velocity, spin
-
-
-# ---- recordings
+def _flies(run: Run) -> bool:
+    """Return whether the disk moves like a rigid body before t = 0."""
+    scenario = run.scenario
+    if not scenario.is_thrown or scenario.own.velocities is not None:
+        return False
+    springs = scenario.model.springs
+    return not scenario.scene.impact.spin or not springs.damped or springs.axial
 
 
 class Recording:
@@ -136,6 +110,7 @@ class Recording:
         largest_force: largest force of the wall on one point at the greatest
             compression [M c^2/R].
         full_force: force of an arrow of the length `geometry.ARROW`; 0: no arrows.
+        full_speed: speed of the longest velocity arrow [c]; 0: no arrow.
         edge: height of the wall's drawn edge [R].
         flattest: flattening of the disk at the greatest compression [R].
     """
@@ -145,58 +120,43 @@ class Recording:
     ) -> None:
         """`times`: of the pictures; one time makes a still. `quantities`: names of
         `fields.QUANTITIES` that need a scale."""
-        self.run = flight.run
-        self._flight = flight
+        run = flight.run
+        scenario = run.scenario
+        lattice = scenario.lattice
+        wall = scenario.model.wall
+        assert wall is not None  # every scene has one
+        self.run = run
         self.times = np.unique(times)
-        self._peak = greatest_compression(self.run.series)
-        self._scale_states = self._replay()
-        scale = [(x, v) for t, x, v in self._scale_states if t <= self._peak]
-        self.limits = self._limits(scale, quantities)
-        wall = self.run.scenario.model.wall
-        lattice = self.run.scenario.lattice
-        x, _ = scale[-1]
-        assert wall is not None
-        _, forces = wall.contact_forces(lattice, x)
+        peak = greatest_compression(run.series)
+        scale_times = self._scale_times(peak)
+        all_times = np.union1d(scale_times, self.times)
+        replay = zip(all_times, flight.frames(all_times), strict=True)
+        early = list(islice(replay, int((all_times <= scale_times[-1]).sum())))
+        self._replay = chain(early, replay)
+        states = {t: state for t, state in early if t in scale_times}
+        compressed = states[peak].positions
+        until_peak = [state for t, state in states.items() if t <= peak]
+        self.limits = self._limits(until_peak, quantities)
+        _, forces = wall.contact_forces(lattice, compressed)
         self.largest_force = float(np.hypot(*forces.T).max(initial=0.0))
-        full = max(self.largest_force, self.run.largest_force / _MAX_ARROW)
+        full = max(self.largest_force, run.largest_force / _MAX_ARROW)
         self.full_force = round_near(full) if full else 0.0
+        self.full_speed = 0.0
+        if scenario.is_thrown:
+            self.full_speed = float(np.hypot(*lattice.mean(scenario.velocities)))
         self.edge = edge_height(wall, self.largest_force)
-        self.flattest = flattening(lattice, x)
+        self.flattest = flattening(lattice, compressed)
+        self._outer = [state.positions for state in states.values()]
+        end = self._end_positions()
+        if len(self.times) > 1 and end[:, 1].max() < _MAX_HEIGHT:
+            self._outer.append(end)
 
-    @property
-    def full_speed(self) -> float:
-        """Speed of the longest velocity arrow [c]; 0: no arrow."""
-        scenario = self.run.scenario
-        if not scenario.is_thrown:
-            return 0.0
-        return float(np.hypot(*scenario.lattice.mean(scenario.velocities)))
-
-    def _replay(self) -> list[State]:
-        """Begin the replay, and return the states that determine the scales."""
-        scale_times = self._sampled()
-        replay_times = np.union1d(scale_times, self.times)
-        count = int((replay_times <= scale_times[-1]).sum())
-        # The moments of millions of points do not fit into memory, so such a film is
-        # replayed twice.
-        self._is_twice = count * self.run.positions.nbytes > MAX_BYTES
-        if self._is_twice:
-            replay_times = scale_times
-            count = len(scale_times)
-        replay = self._flight.frames(replay_times)
-        first_states = list(islice(replay, count))
-        self._rest = zip(replay_times, chain(first_states, replay), strict=True)
-        return [
-            State(float(t), x, v)
-            for t, (_, x, v) in zip(replay_times, first_states, strict=False)
-            if t in scale_times
-        ]
-
-    def _sampled(self) -> Array:
+    def _scale_times(self, peak: float) -> Array:
         first = self.times[0]
         if len(self.times) == 1:
-            return np.union1d(first, self._peak)
+            return np.union1d(first, peak)
         start, _ = contact_of(self.run)
-        contact = np.linspace(min(start, self._peak), self._peak, _SCALE_TIMES)
+        contact = np.linspace(min(start, peak), peak, _SCALE_TIMES)
         return np.union1d(first, contact)
 
     def _end_positions(self) -> Array:
@@ -208,14 +168,14 @@ class Recording:
         return self.run.positions + beyond * velocity
 
     def _limits(
-        self, states: Sequence[tuple[Array, Array]], quantities: Sequence[str]
+        self, states: Sequence[State], quantities: Sequence[str]
     ) -> dict[str, float]:
         scenario = self.run.scenario
         springs = scenario.model.springs
         n = scenario.lattice.disk_points
         triangles = Triangles(scenario.lattice)
         limits = dict.fromkeys(quantities, 0.0)
-        for x, v in states:
+        for _, x, v in states:
             for name in quantities:
                 values = at_points(name, triangles, springs, x, v)[:n]
                 limits[name] = max(limits[name], full_scale(values, name))
@@ -225,11 +185,8 @@ class Recording:
         """Return drawn positions of the disk (n, 2) [R] in the states that reach
         farthest."""
         lattice = self.run.scenario.lattice
-        states = [x for _, x, _ in self._scale_states]
-        end = self._end_positions()
-        if len(self.times) > 1 and end[:, 1].max() < _MAX_HEIGHT:
-            states.append(end)
-        return [placed(lattice, x, magnify)[: lattice.disk_points] for x in states]
+        n = lattice.disk_points
+        return [placed(lattice, x, magnify)[:n] for x in self._outer]
 
     def view(self, magnify: float) -> View:
         """Return the bounds [R] of the scene and of the disk as it is drawn."""
@@ -239,27 +196,17 @@ class Recording:
         if not len(scenario.lattice.wall_surface):
             ymin = self.edge - _WALL_DEPTH
         disk = np.concatenate(self.outer_positions(magnify))
-        left, _ = disk.min(axis=0)
-        right, top = disk.max(axis=0)
-        return (
-            float(min(xmin, left - _SIDE_MARGIN)),
-            float(max(xmax, right + _SIDE_MARGIN)),
-            ymin,
-            float(max(ymax, top)),
-        )
+        left, _ = disk.min(axis=0) - _SIDE_MARGIN
+        right, _ = disk.max(axis=0) + _SIDE_MARGIN
+        return min(xmin, left), max(xmax, right), ymin, max(ymax, disk[:, 1].max())
 
-    def moments(self) -> Iterator[State]:
+    def states(self) -> Iterator[State]:
         """Yield the states at `times`. Call it once, because it uses up the replay."""
-        if self._is_twice:
-            return self._flight.frames(self.times)
-        return (moment for t, moment in self._rest if t in self.times)
-
-
-# ---- several recordings
+        return (state for t, state in self._replay if t in self.times)
 
 
 @dataclass(frozen=True)
-class CommonScales:
+class Scales:
     """What the pictures of compared runs have in common.
 
     Attributes:
@@ -274,17 +221,17 @@ class CommonScales:
     view: View
 
     @classmethod
-    def of(cls, states: Sequence[Recording], magnify: float | str) -> CommonScales:
+    def of(cls, recordings: Sequence[Recording], magnify: float | str) -> Scales:
         """Return the scales of recordings; "auto" chooses the factor on
         displacements."""
-        factor = magnification(magnify, max(one.flattest for one in states))
-        views = [one.view(factor) for one in states]
-        left, _, low, _ = np.min(views, axis=0).tolist()
-        _, right, _, high = np.max(views, axis=0).tolist()
-        names = states[0].limits
+        factor = magnification(magnify, max(one.flattest for one in recordings))
+        views = np.array([one.view(factor) for one in recordings])
+        left, _, low, _ = views.min(axis=0).tolist()
+        _, right, _, high = views.max(axis=0).tolist()
+        names = recordings[0].limits
         return cls(
             magnify=factor,
-            limits={name: max(one.limits[name] for one in states) for name in names},
-            full_force=max(one.full_force for one in states),
+            limits={k: max(one.limits[k] for one in recordings) for k in names},
+            full_force=max(one.full_force for one in recordings),
             view=(left, right, low, high),
         )

@@ -22,7 +22,7 @@ from taichi_disk.render.geometry import Shape, View, wall_body
 from taichi_disk.render.moments import Run, Span, still_cue
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import THEMES
-from taichi_disk.render.recording import CommonScales, Flight, Recording
+from taichi_disk.render.recording import Flight, Recording, Scales
 
 _SPRING_WIDTH = 0.3  # [points]
 _OUTLINE_WIDTH = 0.9  # [points]
@@ -45,7 +45,7 @@ def draw_state(
         )
     cue = still_cue(run, Span(at=t))
     states = Recording(Flight.of(run, 0.0), [cue.t], [video.colour])
-    _, x, v = next(states.moments())
+    _, x, v = next(states.states())
     with matplotlib_style(STYLE):
         if ax is None:
             figure = Plot(figsize=(5.2, 4.2), dpi=160, layout="constrained")
@@ -53,7 +53,7 @@ def draw_state(
             ax = figure.subplots()
         name, _, unit = run.scenario.words.time.partition("  ")
         title = f"{name} = {cue.t:.4g} {unit.strip('[]')}".strip()
-        common = CommonScales.of([states], 1.0)
+        common = Scales.of([states], 1.0)
         _draw(ax, common.view, painter_of(states, video, common), x, v)
         ax.set(xlabel="x  [R]", ylabel="y  [R]", title=title)
         whole: Any = ax.figure

@@ -39,7 +39,7 @@ from taichi_disk.render.moments import (
     time_of,
     titles,
 )
-from taichi_disk.render.recording import CommonScales, Flight, Recording
+from taichi_disk.render.recording import Flight, Recording, Scales
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.web.drawing import (
     DRAWING,
@@ -110,7 +110,7 @@ def _packed(
     progress: Progress,
 ) -> bytes:
     """Return the compressed head, in JSON, and the arrays of all runs."""
-    common = CommonScales.of(states, video.magnify)
+    common = Scales.of(states, video.magnify)
     video = replace(video, magnify=common.magnify)
     shared = {"view": common.view, "full_force": common.full_force}
     data = b""
@@ -157,10 +157,9 @@ def _padding(data: bytes) -> int:
 
 def _words(caption: Caption) -> list[str]:
     """Return the lines of a caption; `*` marks the result, `+` the motion."""
-    lines = [caption.time]
-    if caption.motion:
-        lines.append(f"+{caption.motion}")
-    lines += caption.others
+    lines = [*caption.lines]
+    if len(lines) > 1:
+        lines[1] = f"+{lines[1]}"
     lines.append(f"*{caption.result}" if caption.result else caption.note)
     lines.append("    ".join(caption.pace))
     return lines
@@ -223,7 +222,7 @@ def _recorded(
     centres = []
     velocities = []
     values: dict[str, list[NDArray[np.float32]]] = {name: [] for name in QUANTITIES}
-    for _, x, v in states.moments():
+    for _, x, v in states.states():
         raise_if_interrupted()
         moved.append(x - lattice.positions)
         forces.append(contact_forces(scenario.model.wall, lattice, springs, x, v))

@@ -13,13 +13,13 @@ from PIL import Image, ImageDraw
 
 from taichi_disk.lattice import disk_lattice
 from taichi_disk.physics import ExponentialWall, Springs
-from taichi_disk.render import palette, scales
+from taichi_disk.render import palette, words
 from taichi_disk.render.geometry import ArrowStyle, Camera, arrows, edge_height
-from taichi_disk.render.legend import LEAST, Legend, Letters, footer
 from taichi_disk.render.moments import Caption
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import LEVELS, THEMES, colour_map
-from taichi_disk.render.pictures import arranged
+from taichi_disk.render.pictures import Disk, arranged
+from taichi_disk.render.words import LEAST, Letters, Scales, legend
 
 VIEW = (-1.1, 1.1, -0.1, 2.1)
 DISK = disk_lattice(60, 0)
@@ -134,7 +134,7 @@ def test_compression_is_blue_and_what_rests_stands_out_from_the_ground(theme):
 def test_scales_end_at_round_numbers(value):
     limit = palette.round_near(value)
     assert 1 / 1.25 < limit / value < 1.25
-    below = scales.round_below(value)
+    below = words.round_below(value)
     assert value / 2.5 < below <= value
     assert f"{below:.6e}"[:8] in (
         "1.000000",
@@ -154,10 +154,10 @@ def test_scales_end_at_round_numbers(value):
 
 
 def test_numbers_are_written_as_in_print():
-    assert scales.label(-5.0, signed=True) == "−5"
-    assert scales.label(2e-7) == "2·10⁻⁷"
-    assert scales.label(0.0) == "0"
-    assert scales.label(0.5, signed=True) == "+0.5"
+    assert words.label(-5.0, signed=True) == "−5"
+    assert words.label(2e-7) == "2·10⁻⁷"
+    assert words.label(0.0) == "0"
+    assert words.label(0.5, signed=True) == "+0.5"
 
 
 def test_the_round_number_next_to_a_value_is_the_one_nearest_in_ratio():
@@ -266,18 +266,15 @@ def test_a_rigid_motion_stays_where_it_is_and_a_strain_is_magnified():
 
 def still(painter, size=720):
     """Return the constant words of a picture, and its scales."""
-    letters = Letters(size / 720)
-    block = Legend(painter, (size, size), letters, ("A", "B"), [Caption("t")])
-    block.set_band(False)
-    words = Image.new("RGB", (size, size), "white")
+    letters = Letters(size)
+    block = legend(letters, size, ("A", "B"), painter.remarks, [Caption(["t"])])
+    image = Image.new("RGBA", (size, size), "white")
     for line in block.lines:
-        line.draw(ImageDraw.Draw(words), 0.0, 0.0)
-    area = size, footer(letters, size)
-    below = Image.new("RGB", area)
-    scales.Scales(painter, area, letters, 250.0 * size / 720).draw(
-        ImageDraw.Draw(below), 0.0
-    )
-    return np.asarray(words), np.asarray(below)
+        line.draw(ImageDraw.Draw(image), 0.0, 0.0)
+    below = np.zeros((letters.footer, size, 4), np.uint8)
+    draw = ImageDraw.Draw(Image.fromarray(below))
+    Scales(painter, size, letters, 250.0 * size / 720).draw(below, draw)
+    return np.asarray(image), below[..., :3]
 
 
 # ---- text
@@ -287,18 +284,18 @@ def still(painter, size=720):
 @pytest.mark.parametrize("size", [64, 200, 240, 360, 720, 1080])
 def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, is_band):
     caption = Caption(
-        "t = −14.12 R/c", "−0.78 v", (), "greatest compression", "e = 0.9672"
+        ["t = −14.12 R/c", "−0.78 v"], "greatest compression", "e = 0.9672"
     )
     title = (
         "Impact on an elastic wall",
         "v = 0.1 c    η* = 0    a = 300/R",
         "N = 1,099    seed 0    reset every 0.003 R/c",
     )
-    letters = Letters(size / 720)
-    block = Legend(painter(), (size, size), letters, title, [caption])
-    header = block.set_band(is_band)
-    boxes = block.boxes()
-    below = footer(letters, size)
+    letters = Letters(size)
+    block = legend(letters, size, title, [], [caption], is_band)
+    boxes = block.boxes
+    header = block.header
+    below = letters.footer
     if size < 240:
         assert not boxes
         assert not header
@@ -313,7 +310,7 @@ def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, is_ba
         for other in boxes[k + 1 :]:
             is_beside = right <= other[0] or other[1] <= left
             assert is_beside or bottom <= other[2] + 3.0 or other[3] <= top + 3.0
-    assert letters.small >= LEAST
+    assert letters.small.size >= LEAST
     room = size - header - below
     assert room > 0.4 * size  # the disk is still visible
 
@@ -324,30 +321,28 @@ def test_words_stand_above_an_elastic_wall_however_large_they_are(is_elastic):
     if is_elastic:
         ends = np.array([0, 1], dtype=np.int32)
         above.lattice = replace(above.lattice, wall_surface=ends)
-    letters = Letters(1.0, 1.5)
+    letters = Letters(720, 1.5)
     title = ("Impact", "v = 0.1 c    η* = 0    a = 300/R    N = 1,099    seed 0")
-    block = Legend(above, (720, 720), letters, title, [Caption("t = 1.00 R/c")])
-    disks = [above.lattice.positions]
-    camera = arranged([block], (720, 720), letters, (-3.0, 3.0, -4.0, 2.4), [disks])
+    disk = Disk(above, title, [Caption(["t = 1.00 R/c"])], [above.lattice.positions])
+    camera, (block,) = arranged([disk], 720, letters, (-3.0, 3.0, -4.0, 2.4))
     _, wall = camera.to_pixels((0.0, 0.0))
-    _, _, _, bottoms = np.array(block.boxes()).T
+    _, _, _, bottoms = np.array(block.boxes).T
     assert (bottoms.max() < wall) == is_elastic
 
 
 def test_words_of_a_hall_are_larger_by_the_user_s_factor():
-    assert Letters(1.0, 1.5).small == 1.5 * Letters(1.0).small
-    assert footer(Letters(1.0, 1.5), 720) > footer(Letters(1.0), 720)
+    assert Letters(720, 1.5).small.size == 1.5 * Letters(720).small.size
+    assert Letters(720, 1.5).footer > Letters(720).footer
 
 
 @pytest.mark.parametrize("colour", ["pressure", "shear"])
 @pytest.mark.parametrize("factor", [1.0, 1.5])
 @pytest.mark.parametrize("size", [240, 360, 720])
 def test_words_of_the_scales_do_not_overlap(size, factor, colour):
-    letters = Letters(size / 720, factor)
+    letters = Letters(size, factor)
     arrows = painter(colour=colour, limit=0.015)
     pace = ("1 s = 5.3 R/c", "slow motion")
-    area = size, footer(letters, size)
-    below = scales.Scales(arrows, area, letters, 80.0 * size / 720, {pace, pace[:1]})
+    below = Scales(arrows, size, letters, 80.0 * size / 720, {pace, pace[:1]})
     drawn = [*below.lines, *below.pace_lines(pace)]
     texts = [line.text for line in drawn]
     assert "1 s = 5.3 R/c" in texts
