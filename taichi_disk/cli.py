@@ -176,8 +176,6 @@ def _view(arguments: argparse.Namespace) -> None:
         scene = _load(arguments)
     view(
         scene,
-        arguments.out or Path("out/view"),
-        arguments.window,
         arguments.host,
         arguments.port,
         arguments.open,
@@ -348,11 +346,9 @@ def _parser() -> argparse.ArgumentParser:
         help="estimate the time-step error of each result; doubles the work",
     )
 
-    add = command(
-        "view", _view, "play with a scene on a page in the browser, or in a window"
-    )
+    add = command("view", _view, "play with a scene on a page in the browser")
     scenes = f"{_shipped()}; or a folder of scenes"
-    _add_scene(add, scenes, out="out/view", nargs="?")
+    _add_scene(add, scenes, nargs="?")
     add(
         "--no-open",
         dest="open",
@@ -377,15 +373,6 @@ def _parser() -> argparse.ArgumentParser:
         metavar="URL",
         help="address at which a reverse proxy serves the page, such as"
         " https://example.org/disk",
-    )
-    either = commands.choices["view"].add_mutually_exclusive_group()
-    either.add_argument(
-        "--browser", action="store_true", help="serve a page (the default)"
-    )
-    either.add_argument(
-        "--window",
-        action="store_true",
-        help="open a window on the desktop instead; needs Vulkan",
     )
 
     add = command(

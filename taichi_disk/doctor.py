@@ -3,7 +3,6 @@ drivers may crash."""
 
 from __future__ import annotations
 
-import os
 import platform
 import signal
 import subprocess
@@ -38,14 +37,12 @@ def examine() -> bool:
             " kernels again"
         )
     names_and_versions = [" ".join(one) for one in engine.versions().items()]
-    display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     found = {
         "Python": platform.python_version(),
         "engine": " ".join(names_and_versions) or "none: install taichi-disk again",
         "processor": processor(),
         "processor cores": cores(),
         "cache of kernels": cache,
-        "display": display or "none (films need none)",
         "springs in films": "hard lines, as the engine has other shaders",
     }
     if fit_engine():

@@ -8,6 +8,7 @@ import json
 import re
 from collections.abc import Sequence
 from functools import partial
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,9 @@ from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import DRAWING, bundle, source
 from taichi_disk.window.app import list_presets
-from taichi_disk.window.audience import Audience, Message, Visitor
+from taichi_disk.window.audience import Audience, Message, Page
 from taichi_disk.window.sandbox import Experiment
-from taichi_disk.window.session import Session
+from taichi_disk.window.session import Common
 
 try:
     import traitlets
@@ -36,7 +37,6 @@ _MODULES = (
     "controls.js",
     "results.js",
     "scenes.js",
-    "watch.js",
     "webm.js",
     "sandbox.js",
     "widget.js",
@@ -65,14 +65,15 @@ class Sandbox(AnyWidget):
         Raises InputError for a bad scene, RuntimeError if no event loop runs.
         """
         # `close` is called even if the scene is refused
-        self._views: dict[float, Visitor] = {}
+        self._views: dict[float, Page] = {}
         self._running: asyncio.Task[None] | None = None
         runtime.start()
         self._loop = asyncio.get_running_loop()
         first = scene if isinstance(scene, Scene) else load_scene(scene, overrides)
-        with runtime.alone():
-            self._session = Session(list_presets(first), KernelCache())
-        self._audience = Audience(self._session, all_play=True)
+        common = Common(list_presets(first), KernelCache())
+        self._audience = Audience(common, keep_time=inf)
+        self._seat = self._audience.seat()
+        self._session = self._seat.session
         (page,) = re.findall(r"<main.*</main>", source("index.html"), re.DOTALL)
         constants = (
             f"const PAGE = {json.dumps(page)}, STYLE ="
@@ -93,7 +94,9 @@ class Sandbox(AnyWidget):
         name = message.pop("visitor")
         visitor = self._views.get(name)
         if message["do"] == "open":
-            self._views[name] = self._audience.join(partial(self._show, name))
+            self._views[name] = self._audience.join(
+                partial(self._show, name), key=self._seat.key
+            )
         elif visitor and message["do"] == "close":
             self._audience.leave(self._views.pop(name))
         elif visitor:

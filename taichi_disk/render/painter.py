@@ -1,5 +1,5 @@
-"""Draw field, springs or points, wall and arrows on a GGUI canvas, for films, stills
-and the window."""
+"""Draw field, springs or points, wall and arrows on a GGUI canvas, for films and
+stills."""
 
 from __future__ import annotations
 

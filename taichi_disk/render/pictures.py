@@ -181,7 +181,7 @@ class Pictures:
         self._still = self._pixels.copy()
         drawn = self._camera.width, self._camera.height
         self._bytes = np.empty((*drawn, 4), dtype=np.uint8)
-        self._window = open_window("taichi-disk", drawn, show_window=False)
+        self._window = open_window(drawn)
 
     def draw(self, states: Sequence[State]) -> list[NDArray[np.float32]]:
         """Return GGUI's image of each disk, [x, y upwards, colour]."""

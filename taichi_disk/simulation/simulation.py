@@ -7,7 +7,7 @@ from copy import deepcopy
 from functools import lru_cache
 from math import inf
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,11 +24,21 @@ from taichi_disk.integrators.trapezoidal import DashpotSolver, Factor, factorise
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
 from taichi_disk.physics.law import Capacity
-from taichi_disk.physics.ordering import BLOCK, Arrangement, arrange
+from taichi_disk.physics.ordering import (
+    BLOCK,
+    PARALLEL_FROM,
+    Arrangement,
+    arrange,
+)
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.kernels import Kernels, SubdomainKernels
 from taichi_disk.simulation.observables import INDEX, bounds_array
-from taichi_disk.simulation.stepping import PEAK_POINT_FORCE, PointFields, Snapshot
+from taichi_disk.simulation.stepping import (
+    PEAK_POINT_FORCE,
+    PointFields,
+    Snapshot,
+    Written,
+)
 
 # Smallest capacity, so that all lattices of usual size can share compiled kernels:
 # 12,000 points, each with 3 springs (a triangulation has fewer) and 27 entries of the
@@ -42,6 +52,17 @@ DIFFERENCE_TIME = 1e-4
 CONTACT_ENERGY = 1e-3
 
 Dashpots = Factor | Diagonal | None  # matrix of implicit dashpots
+
+
+class Load(NamedTuple):
+    """What a simulation moves: a lattice with its laws, and what was written into the
+    fields at t = 0, so that `Simulation.write_again` can write it once more."""
+
+    lattice: Lattice
+    model: Model
+    dt: float
+    arrangement: Arrangement
+    written: Written
 
 
 class Simulation:
@@ -157,13 +178,7 @@ class Simulation:
         arrangement: Arrangement,
         factor: Dashpots,
     ) -> None:
-        for law, new in zip(self.model.laws, model.laws, strict=True):
-            law.take_values(new)
-        self.lattice = lattice
-        self.dt = dt
-        self._arrangement = arrangement
-        self.step_number = 0
-        self.generation += 1
+        self._take(lattice, model, dt, arrangement)
         state = self.state
         numbers: list[tuple[Any, float]] = [
             (state.h, dt),
@@ -184,12 +199,31 @@ class Simulation:
             contents += law.contents(lattice, arrangement)
         if self.kernels.solver is not None:
             contents += self.kernels.solver.contents(factor)
-        state.begin(numbers, contents)
+        written = state.begin(numbers, contents)
+        self.load = Load(lattice, model, dt, arrangement, written)
         rows = np.empty((1, len(INDEX)))
         self.kernels.advance(
             -1, 1, 1, rows, bounds_array({}), np.array([NEVER, 0, 0, 0], np.int32)
         )
         self.first_row = self.now = rows[0]
+
+    def write_again(self, load: Load) -> None:
+        """Take up a lattice that this simulation moved before another one; `restore`
+        has to follow."""
+        self._take(load.lattice, load.model, load.dt, load.arrangement)
+        self.load = load
+        self.state.begin_again(load.written)
+
+    def _take(
+        self, lattice: Lattice, model: Model, dt: float, arrangement: Arrangement
+    ) -> None:
+        for law, new in zip(self.model.laws, model.laws, strict=True):
+            law.take_values(new)
+        self.lattice = lattice
+        self.dt = dt
+        self._arrangement = arrangement
+        self.step_number = 0
+        self.generation += 1
 
     def _vectors(self, lattice: Lattice, model: Model, v: Array) -> list[Array]:
         """Return the vectors (n, 2) of the state at t = 0, as `Snapshot` lists them."""
@@ -322,7 +356,9 @@ class KernelCache:
         """Return a simulation reset to t = 0, reusing a compiled one if possible, which
         invalidates earlier returns."""
         began = perf_counter()
-        key = (compiled_for(lattice, model), integrator.name)
+        # a small lattice and one for several cores keep a simulation each
+        is_parallel = len(lattice.positions) >= PARALLEL_FROM
+        key = (compiled_for(lattice, model), integrator.name, is_parallel)
         known = self._known.get(key)
         arguments = lattice, model, integrator, velocities, dt
         if known is None or not known.is_alive or not known.restart(*arguments):

@@ -11,6 +11,7 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taichi_disk.engine import ti
 from taichi_disk.integrators import Integrator
@@ -70,6 +71,10 @@ class Snapshot:
         # dividing first gives the rounding of the kernels
         inverse_mass = 1.0 / lattice.masses[:, None]
         return np.asarray(v + integrator.observed_kick * dt * inverse_mass * f)
+
+
+# numbers, lengths and values of the fields
+Written = tuple[Array, NDArray[np.int32], Array]
 
 
 @ti.data_oriented
@@ -139,9 +144,12 @@ class PointFields:
             ((self.subdomain_ends,), arrangement.subdomain_ends),
         ]
 
-    def begin(self, numbers: Sequence[tuple[Any, float]], contents: Contents) -> None:
+    def begin(
+        self, numbers: Sequence[tuple[Any, float]], contents: Contents
+    ) -> Written:
         """Write `numbers` into 0-D fields and `contents` into other fields, which must
-        be the same in all calls."""
+        be the same in all calls. Return what `begin_again` writes without the work of
+        making it."""
         # One kernel writes all of them, because loading a compiled kernel takes 30 ms.
         self.scalars = [field for field, _ in numbers]
         self.fields = [fields for fields, _ in contents]
@@ -152,6 +160,10 @@ class PointFields:
         rows = np.array([len(values) for values in arrays], np.int32)
         values = np.concatenate([values.ravel() for values in arrays])
         self._begin(scalars, rows, values)
+        return scalars, rows, values
+
+    def begin_again(self, written: Written) -> None:
+        self._begin(*written)
 
     @ti.kernel
     def _begin(self, numbers: Reals1, rows: Integers1, values: Reals1):

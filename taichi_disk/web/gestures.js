@@ -52,8 +52,8 @@ export function followPointers(canvas, view, redraw, grip = () => null) {
 // Return what a press at (px, py) holds: before the throw the disk, which turns, or its velocity;
 // later a point.
 export function grip(sandbox, px, py) {
-  const { drawing, state, panel, plays, ui } = sandbox;
-  if (!plays || !state) return null;
+  const { drawing, state, panel, ui } = sandbox;
+  if (!state) return null;
   if (!panel.atStart || ui.arrow.disabled) return pull(sandbox, px, py);
   const { com_x: x, com_y: y, com_vx: vx, com_vy: vy } = state.row;
   const speed = Math.hypot(vx, vy);

@@ -18,6 +18,23 @@ export function checked(root) {
   );
 }
 
+// Return what was stored in this tab under a name, or "". A frame may forbid to store anything.
+export function recall(name) {
+  try {
+    return sessionStorage.getItem(name) ?? "";
+  } catch {
+    return "";
+  }
+}
+
+export function remember(name, text) {
+  try {
+    sessionStorage.setItem(name, text);
+  } catch {
+    // The next reload forgets it.
+  }
+}
+
 export function download(content, name, type) {
   const link = element("a", {
     download: name,

@@ -184,6 +184,7 @@ export function showDiagram(plot, caption, results, { title, range, fitted }) {
 // ---- the table
 
 const COLUMNS = {
+  player: "player",
   result: "result",
   value: "value",
   load: "v [c], P [Mc²/R]",
@@ -207,8 +208,9 @@ function written(key, value, result) {
   return result === "e" ? value.toFixed(3) : digits(value, 3);
 }
 
-// The newest result comes first. Each cell's `title` has all digits.
-export function showResults(table, results) {
+// The newest result comes first. Each cell's `title` has all digits. `own`: whether they can be
+// removed.
+export function showResults(table, results, own) {
   const none = "Finished experiments are listed here.";
   if (!results.length) return table.replaceChildren(element("caption", {}, none));
   const keys = Object.keys(COLUMNS).filter((key) => results.some((one) => one[key]));
@@ -223,10 +225,10 @@ export function showResults(table, results) {
       return element("td", { title: one[key] ?? "" }, text);
     });
     cells[0].style = `--curve: ${colours.get(one)}`;
-    const name = { ariaLabel: `remove the result ${cells[1].textContent}` };
+    const name = { ariaLabel: `remove the result ${written("value", one.value, one.result)}` };
     const remove = element("button", name, "×");
     remove.dataset.remove = k;
-    return row([...cells, element("td", {}, remove)]);
+    return row(own ? [...cells, element("td", {}, remove)] : cells);
   });
   const head = row(keys.map((key) => element("th", { scope: "col" }, COLUMNS[key])));
   table.replaceChildren(element("thead", {}, head), element("tbody", {}, ...rows.reverse()));

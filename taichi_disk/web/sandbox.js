@@ -5,11 +5,10 @@ import { Controls } from "./controls.js";
 import { Drawing } from "./draw.js";
 import { followPointers, grip } from "./gestures.js";
 import { Graphs, legend } from "./graphs.js";
-import { checked, download, element, elements } from "./html.js";
+import { checked, download, element, elements, recall, remember } from "./html.js";
 import { unpacked } from "./message.js";
 import { asText, showDiagram, showResults } from "./results.js";
 import { showScenes } from "./scenes.js";
-import { Watch } from "./watch.js";
 import { withDuration } from "./webm.js";
 
 const KEYS = {
@@ -47,30 +46,13 @@ function captionLine(text) {
   return text[0] === "*" ? element("b", {}, text.slice(1)) : element("span", {}, text);
 }
 
-// Return the theme that the visitor chose before a reload, or "". A frame may forbid to store one.
-function storedTheme() {
-  try {
-    return sessionStorage.getItem(THEME) ?? "";
-  } catch {
-    return "";
-  }
-}
-
-function storeTheme(theme) {
-  try {
-    sessionStorage.setItem(THEME, theme);
-  } catch {
-    // The next reload forgets it.
-  }
-}
-
 export class Sandbox {
   // `node` holds the elements of index.html; `send` takes a command for the program.
   constructor(node, send) {
     Object.assign(this, {
       node,
-      plays: true,
-      theme: storedTheme(),
+      theme: recall(THEME),
+      board: [],
       hello: null,
       panel: null,
       state: null,
@@ -79,11 +61,10 @@ export class Sandbox {
     });
     const ui = (this.ui = elements(node));
     this.send = (message) => {
-      send(message); // a watcher's messages change the watcher's own picture at most
-      if (this.plays && message.do !== "seen")
+      send(message);
+      if (message.do !== "seen")
         this.waiting ??= setTimeout(() => (ui.busy.hidden = false), 400);
     };
-    this.watch = new Watch(node, ui.role, this.send);
     this.drawing = new Drawing(ui.disk);
     this.graphs = new Graphs([ui.energy, ui.motion], (t) => this.send({ do: "scrub", t }));
     const places = { speed: ui.speed, "video.magnify": ui.magnify };
@@ -107,7 +88,7 @@ export class Sandbox {
     // On a narrow page one panel is seen at a time.
     this.showTab(node.clientWidth > 900 ? "graphs" : "experiment");
     new ResizeObserver(() => this.redraw()).observe(node);
-    ui.eq5.onchange = () => this.showResults();
+    ui.eq5.onchange = ui.class.onchange = () => this.showResults();
     ui.timeline.oninput = () => this.send({ do: "scrub", t: Number(ui.timeline.value) });
     node.onpointermove = () => this.wake();
     DARK.onchange = () => this.takeTheme();
@@ -177,7 +158,7 @@ export class Sandbox {
 
   chooseTheme(theme) {
     this.theme = theme;
-    storeTheme(theme);
+    remember(THEME, theme);
   }
 
   // Take the theme that the visitor has chosen, or the system's until then.
@@ -255,7 +236,8 @@ export class Sandbox {
     const { kind } = message;
     this.answered();
     if (kind === "hello") this.showKeys((this.hello = message));
-    else if (kind === "role") this.showRole(message);
+    else if (kind === "session") this.showSession(message);
+    else if (kind === "board") this.showBoard(message);
     else if (kind === "scene") this.showScene(message);
     else if (kind === "graphs") this.showGraphs(message);
     else if (kind === "panel") this.showPanel(message);
@@ -263,14 +245,18 @@ export class Sandbox {
     else if (kind === "film") download(message.page, "disk.html", "text/html");
   }
 
-  showRole(message) {
+  showSession({ key, awaitsFilm }) {
     const filmPage = this.ui["film-page"];
-    filmPage.disabled = message.awaitsFilm;
-    filmPage.textContent = message.awaitsFilm ? "The film is made …" : "Film to play with";
-    this.plays = message.plays;
-    this.watch.show(message);
-    if (this.panel) this.showMessage(this.panel);
-    if (!this.plays && this.node.dataset.tab === "experiment") this.showTab("view");
+    filmPage.disabled = awaitsFilm;
+    filmPage.textContent = awaitsFilm ? "The film is made …" : "Film to play with";
+    this.ui.role.textContent = "";
+    this.onkey?.(key);
+  }
+
+  // Take further results of the class.
+  showBoard({ from, rows }) {
+    this.board = [...this.board.slice(0, from), ...rows];
+    if (this.panel) this.showResults();
   }
 
   showKeys({ keys }) {
@@ -393,7 +379,6 @@ export class Sandbox {
     node.toggleAttribute("data-again", panel.again < 1);
     ui.again.hidden = panel.again === 1;
     ui.again.value = panel.again;
-    for (const id of ["copy", "csv", "clear"]) ui[id].disabled = !panel.results.length;
     const results = JSON.stringify([panel.results, drawing.scene.labels.curve]);
     if (results !== this.shownResults) this.showResults();
     this.shownResults = results;
@@ -430,7 +415,7 @@ export class Sandbox {
     if (isFirst) this.oldMessage = message;
     else if (message !== this.oldMessage) this.oldMessage = "";
     const isNew = message !== this.oldMessage;
-    let text = isNew && message ? message : this.plays ? hint : "";
+    let text = isNew && message ? message : hint;
     if (aimed) {
       const [speed, angle] = aimed;
       text = `v = ${speed} c, angle ${((angle * 180) / Math.PI).toFixed(1)}° = ${angle} rad`;
@@ -445,9 +430,12 @@ export class Sandbox {
 
   showResults() {
     const { ui, panel, drawing } = this;
-    showResults(ui.table, panel.results);
+    const results = ui.class.checked ? this.board : panel.results;
+    for (const id of ["copy", "csv"]) ui[id].disabled = !results.length;
+    ui.clear.disabled = !panel.results.length;
+    showResults(ui.table, results, !ui.class.checked);
     const title = drawing.scene.labels.curve;
     const options = { title, range: panel.loadRange, fitted: ui.eq5.checked };
-    showDiagram(ui.diagram, ui.curve, panel.results, options);
+    showDiagram(ui.diagram, ui.curve, results, options);
   }
 }

@@ -1,5 +1,4 @@
-"""The command `view`: the list of scenes to choose from, shown on a page or in a
-window."""
+"""The command `view`: the list of scenes to choose from, shown on a page."""
 
 from __future__ import annotations
 
@@ -7,15 +6,13 @@ import csv
 import os
 import re
 import sys
-from ctypes import CDLL, c_void_p
 from functools import partial
 from pathlib import Path
 
 import yaml
 
 from taichi_disk import runtime
-from taichi_disk.errors import InputError, TaichiDiskError
-from taichi_disk.render import film_problem
+from taichi_disk.errors import InputError
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.text_files import read_text
 from taichi_disk.window.controls import Preset
@@ -24,52 +21,33 @@ from taichi_disk.window.server import serve
 # part of a file in which a sweep is looked for [bytes]
 _START = 2**20
 _TABLE_LIMIT = 2**28  # largest table of a sweep: 500,000 points [bytes]
-_X11 = sys.platform.startswith("linux")
 
 
 def view(
     scene_or_folder: Scene | Path | None,
-    out: Path,
-    window: bool,
     host: str,
     port: int,
     open_browser: bool,
     origin: str = "",
 ) -> None:
-    """Serve the sandbox as a page until Ctrl-C, or open it in a window until that has
-    been closed.
+    """Serve the sandbox as a page until Ctrl-C.
 
     Args:
         scene_or_folder: the first scene of the list, or a folder of scenes, or None
             for the list as it is.
-        out: folder for the files that the window writes; the page writes none.
-        window: whether to open a window.
         host, port: where to serve the page; 0: a port that is free.
         open_browser: whether to open the page in the user's browser, if there is one.
         origin: public address of the page behind a reverse proxy, "" for none.
 
-    Raises TaichiDiskError, with the remedy, if the page cannot be served or no window
-    can be opened; InputError if a folder has no scenes.
+    Raises InputError if the page cannot be served, or if a folder has no scenes.
     """
-    problem = window_problem() if window else None
-    if problem:
-        raise TaichiDiskError(
-            f"no window: {problem}; `taichi-disk view` without --window serves a page"
-            " instead"
-        )
     if isinstance(scene_or_folder, Path):
         playlist = list_folder(scene_or_folder)
     else:
         playlist = list_presets(scene_or_folder)
     runtime.start()
-    if window:
-        from taichi_disk.window.viewer import Viewer
-
-        for _ in Viewer(playlist, out).pictures():
-            pass
-    else:
-        opens = open_browser and has_browser()
-        serve(playlist, host, port, open_browser=opens, origin=origin)
+    opens = open_browser and has_browser()
+    serve(playlist, host, port, open_browser=opens, origin=origin)
 
 
 def list_presets(first: Scene | None) -> list[Preset]:
@@ -97,7 +75,6 @@ def list_folder(path: Path) -> list[Preset]:
 
     Raises InputError if there is no scene, or if points.csv is no table.
     """
-    path = path.resolve()  # an open window works in another folder
     scenes = [file for file in _files(path) if _is_scene(file)]
     if not scenes:
         raise InputError(
@@ -138,30 +115,10 @@ def _is_scene(path: Path) -> bool:
 def has_browser() -> bool:
     """Return whether the user would see a browser: not over SSH, and on Linux not
     without a display."""
-    has_display = (
-        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or not _X11
+    names = ("DISPLAY", "WAYLAND_DISPLAY")
+    has_display = not sys.platform.startswith("linux") or any(
+        map(os.environ.get, names)
     )
     return bool(has_display) and not (
         os.environ.get("SSH_CONNECTION") or os.environ.get("SSH_TTY")
     )
-
-
-def window_problem() -> str | None:
-    """Return why no window can be opened on this machine, or None. Needs no `ti.init`.
-
-    No window is opened to find out, because GLFW ends the process if it cannot open
-    one.
-    """
-    name = os.environ.get("DISPLAY")
-    if _X11 and not name:
-        return "there is no display (DISPLAY is not set)"
-    problem = film_problem()
-    if problem or not _X11:
-        return problem
-    x11 = CDLL("libX11.so.6")
-    x11.XOpenDisplay.restype = c_void_p
-    display = x11.XOpenDisplay(None)
-    if not display:
-        return f"the display {name} does not answer"
-    x11.XCloseDisplay(c_void_p(display))
-    return None

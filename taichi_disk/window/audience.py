@@ -1,45 +1,59 @@
-"""The pages of a sandbox. A page gets new states as fast as it draws them, so that
-they never queue up."""
+"""The pages of the sandbox and their sessions, which one loop serves in turn. A page
+gets new states as fast as it draws them, so that they never queue up."""
 
 from __future__ import annotations
 
 import asyncio
 import json
+import secrets
 from collections.abc import Callable
-from time import perf_counter
+from contextlib import suppress
+from math import inf
+from time import perf_counter, thread_time
+from typing import Any
 
 from taichi_disk.runtime import alone
 from taichi_disk.window.controls import described
 from taichi_disk.window.films import make_film
-from taichi_disk.window.look import Look
-from taichi_disk.window.session import Session, read_command
+from taichi_disk.window.sandbox import MAX_COMPUTING_TIME
+from taichi_disk.window.session import Common, Session, read_command
 
 MAX_RATE = 60.0  # pictures per second
+MAX_SESSIONS = 40
+KEEP_TIME = 600.0  # for which a session waits for its page [s]
+FULL = f"{MAX_SESSIONS} people are playing; as soon as one leaves, you can."
+# least time of computing between two pictures [s]
+MIN_COMPUTING_TIME = 0.002
+SWEEP_TIME = 60.0  # after which sessions that nobody wants are forgotten [s]
+MAX_PAUSE = 0.25  # between two pictures of a session that takes long [s]
+MAX_PARTS = 2.0  # most that a session may take of the time, in equal parts
 _MAX_IN_FLIGHT = 2  # states that were sent to a page and not yet drawn
-_ANSWERS = ("hand", "keep")  # of the player to visitors who ask to play
 Message = str | bytes
 
 
-class Visitor:
-    """One page. `send` sends it a text or a state, `unsent` returns how many bytes
-    still wait for the network.
+class Full(Exception):
+    """There is no room for another session; the text is for the user."""
+
+
+class Page:
+    """One page, or one view of a notebook's widget. `send` sends it a text or a state,
+    `unsent` returns how many bytes still wait for the network.
 
     Attributes:
-        look: how the disk is drawn for this visitor, while somebody else plays.
-        asks: whether the visitor has asked to play.
-        film: the task that makes a film for the visitor, or None.
+        seat: where its session is kept.
+        film: the task that makes a film for the page, or None.
     """
 
     def __init__(
-        self, send: Callable[[Message], None], unsent: Callable[[], int], look: Look
+        self, seat: Seat, send: Callable[[Message], None], unsent: Callable[[], int]
     ) -> None:
-        self.look = look
-        self.asks = False
+        self.seat = seat
         self.film: asyncio.Task[None] | None = None
         self._send = send
         self._unsent = unsent
         self._in_flight: list[int] = []  # numbers of states
         self._messages: dict[str, Message] = {}  # the last message of each kind
+        self._on_board = 0  # rows of the class's board that it has
 
     @property
     def is_ready(self) -> bool:
@@ -55,12 +69,13 @@ class Visitor:
         """Send a film to play with, an HTML page."""
         self._send(json.dumps({"kind": "film", "page": page}))
 
-    def show(self, messages: dict[str, Message], number: int) -> bool:
-        """Send those of `messages` (by kind) that the page does not have yet; return
-        whether there were any.
-
-        `number`: number of the state.
-        """
+    def show(self, board: list[dict[str, Any]]) -> bool:
+        """Send what the page does not have yet: messages of its session, the state as
+        the last one, and rows of the class's board; return whether there was any."""
+        session = self.seat.session
+        own = {"key": self.seat.key, "awaitsFilm": self.film is not None}
+        text = json.dumps({"kind": "session"} | own)
+        messages: dict[str, Message] = {"session": text, **session.messages}
         news = {
             kind: message
             for kind, message in messages.items()
@@ -68,139 +83,206 @@ class Visitor:
         }
         self._messages |= news
         if "state" in news:
-            self._in_flight.append(number)
+            self._in_flight.append(session.number)
         for message in news.values():
             self._send(message)
-        return bool(news)
+        rows = board[self._on_board :]
+        if rows:
+            begin = {"kind": "board", "from": self._on_board}
+            self._on_board = len(board)
+            self._send(json.dumps(begin | {"rows": rows}))
+        return bool(news or rows)
+
+
+class Seat:
+    """A session with its pages.
+
+    Attributes:
+        key: with which a page finds its session again.
+        pages: usually one.
+        left: when the last page left [s].
+        due: when the session may be served again [s]; inf if its pages have all.
+    """
+
+    def __init__(self, key: str, session: Session) -> None:
+        self.key = key
+        self.session = session
+        self.pages: list[Page] = []
+        self.left = perf_counter()
+        self.due = 0.0
+
+    def wake(self) -> None:
+        """Note that there may be something to send."""
+        if self.due == inf:
+            self.due = perf_counter()
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether a page may be sent another state."""
+        return any(page.is_ready for page in self.pages)
 
 
 class Audience:
-    """The visitors of `session`: the first one plays and the others watch, or all of
-    them play.
+    """All pages with their sessions.
 
     Attributes:
+        seats: by their keys.
         ignored: number of malformed messages.
     """
 
-    def __init__(self, session: Session, all_play: bool = False) -> None:
-        self.session = session
+    def __init__(self, common: Common, keep_time: float = KEEP_TIME) -> None:
+        """`keep_time`: for which a session waits for its page [s]. Raises
+        TaichiDiskError if the first scene cannot be built."""
+        self.seats: dict[str, Seat] = {}
         self.ignored = 0
-        self._all_play = all_play
-        self._visitors: list[Visitor] = []
+        self._common = common
+        self._keep_time = keep_time
+        self._sessions = 0  # made so far
+        self._first: Session | None = self._new_session()  # compiles the kernels
         self._news = asyncio.Event()  # something may have to be sent
+        self._film_maker = asyncio.Semaphore(1)  # a film takes a process
+
+    # ---- sessions
+
+    def _new_session(self) -> Session:
+        self._sessions += 1
+        with alone():
+            return Session(self._common, self._sessions)
+
+    def seat(self, key: str = "") -> Seat:
+        """Return the seat with this key, or a new one. Raises Full."""
+        if key in self.seats:
+            return self.seats[key]
+        self._drop(perf_counter() - self._keep_time)
+        if len(self.seats) >= MAX_SESSIONS:
+            self._drop_oldest()
+        session = self._first or self._new_session()
+        self._first = None
+        seat = Seat(secrets.token_urlsafe(16), session)
+        self.seats[seat.key] = seat
+        self._common.memory.sharers = len(self.seats)
+        return seat
+
+    def _drop(self, until: float) -> None:
+        """Forget the sessions that have had no page since `until` [s]."""
+        self.seats = {
+            key: seat
+            for key, seat in self.seats.items()
+            if seat.pages or seat.left > until
+        }
+        self._common.memory.sharers = max(1, len(self.seats))
+
+    def _drop_oldest(self) -> None:
+        """Forget the session that has been without a page for the longest time. Raises
+        Full if all have one."""
+        waiting = [seat for seat in self.seats.values() if not seat.pages]
+        if not waiting:
+            raise Full(FULL)
+        del self.seats[min(waiting, key=lambda seat: seat.left).key]
+
+    # ---- pages
 
     def join(
-        self, send: Callable[[Message], None], unsent: Callable[[], int] = int
-    ) -> Visitor:
-        """Return a new `Visitor`, to whom `run` will send everything."""
-        visitor = Visitor(send, unsent, self.session.look)
-        self._visitors.append(visitor)
-        self._news.set()
-        return visitor
+        self,
+        send: Callable[[Message], None],
+        unsent: Callable[[], int] = int,
+        key: str = "",
+    ) -> Page:
+        """Return a new `Page`, to which `run` will send everything; `key`: of the
+        session that it had, if any. Raises Full."""
+        seat = self.seat(key)
+        page = Page(seat, send, unsent)
+        seat.pages.append(page)
+        self._wake(seat)
+        return page
 
-    def leave(self, visitor: Visitor) -> None:
-        """Send no more. After the player, the first visitor who asked plays, or else
-        the next one; after the last visitor, the sandbox pauses."""
-        played = self.plays(visitor)
-        self._visitors.remove(visitor)
-        if visitor.film:
-            visitor.film.cancel()
-        if not self._visitors:
-            self.session.release()
-            self.session.pause()
-        elif played:
-            self._hand_to(self._first_asking() or self._visitors[0])
-        self._news.set()
+    def leave(self, page: Page) -> None:
+        """Send no more. After its last page a session pauses."""
+        seat = page.seat
+        seat.pages.remove(page)
+        if page.film:
+            page.film.cancel()
+        if not seat.pages:
+            seat.left = perf_counter()
+            seat.session.release()
+            seat.session.pause()
 
-    def plays(self, visitor: Visitor) -> bool:
-        """Whether a visitor may change anything."""
-        return self._all_play or visitor is self._visitors[0]
-
-    def hear(self, visitor: Visitor, text: Message) -> None:
-        """Carry out a page's message, as far as its visitor may; ignore and count
-        malformed messages."""
+    def hear(self, page: Page, text: Message) -> None:
+        """Carry out a page's message; ignore and count malformed messages."""
         message = read_command(text)
         if message is None:
             self.ignored += 1
         elif message["do"] == "seen":
-            visitor.acknowledge(message["number"])
-        elif not self.plays(visitor):
-            visitor.look = visitor.look.after(message)
-            visitor.asks |= message["do"] == "ask"
-        elif message["do"] in _ANSWERS:
-            self._answer(message["do"])
+            page.acknowledge(message["number"])
         elif message["do"] == "film":
-            visitor.film = visitor.film or asyncio.create_task(self._film_for(visitor))
+            page.film = page.film or asyncio.create_task(self._film_for(page))
         else:
-            self.session.hear(message)
+            page.seat.session.hear(message)
+        self._wake(page.seat)
+
+    def _wake(self, seat: Seat) -> None:
+        seat.wake()
         self._news.set()
 
-    async def _film_for(self, visitor: Visitor) -> None:
+    async def _film_for(self, page: Page) -> None:
         """Make a film of the present scene and send it, or show why there is none."""
+        session = page.seat.session
+        scene = session.sandbox.scene
         try:
-            page = await make_film(self.session.sandbox.scene)
-            visitor.give_film(page)
+            async with self._film_maker:
+                film = await make_film(scene)
+            page.give_film(film)
         except Exception as error:
-            self.session.tell(described(error))
+            session.tell(described(error))
         finally:
-            visitor.film = None
-            self._news.set()
+            page.film = None
+            self._wake(page.seat)
 
-    def _answer(self, answer: str) -> None:
-        """Let the first visitor who asked play, or tell all of them that they have to
-        wait."""
-        asking = self._first_asking()
-        if asking and answer == "hand":
-            self._visitors[0].look = self.session.look
-            self._hand_to(asking)
-        elif answer == "keep":
-            for one in self._visitors:
-                one.asks = False
-
-    def _first_asking(self) -> Visitor | None:
-        return next((one for one in self._visitors if one.asks), None)
-
-    def _hand_to(self, visitor: Visitor) -> None:
-        """Let `visitor` play from now on. The disk is let go of, and the visitor keeps
-        the look that it had."""
-        self._visitors.remove(visitor)
-        self._visitors.insert(0, visitor)
-        visitor.asks = False
-        self.session.release()
-        if not self._all_play:
-            for command in visitor.look.commands():
-                self.session.hear(command)
+    # ---- the loop
 
     async def run(self) -> None:
-        """Send states as fast as pages draw them; the pages of visitors who play set
-        the sandbox's clock."""
-        session = self.session
+        """Send states as fast as pages draw them, first to the session that has waited
+        longest; the pages of a session set its clock."""
+        swept = perf_counter()
         while True:
-            began = perf_counter()
             self._news.clear()
-            ready = [one for one in self._visitors if one.is_ready]
-            if session.is_busy and any(map(self.plays, ready)):
-                with alone():  # another thread may compute
-                    session.advance()
-            is_sent = False
-            for one in ready:
-                is_sent |= one.show(self._messages_for(one), session.number)
-            if is_sent:
-                await asyncio.sleep(max(0.0, 1.0 / MAX_RATE - (perf_counter() - began)))
+            now = perf_counter()
+            if now > swept + SWEEP_TIME:
+                swept = now
+                self._drop(now - self._keep_time)
+            ready = [seat for seat in self.seats.values() if seat.is_ready]
+            following = min(ready, key=lambda seat: seat.due, default=None)
+            due = following.due if following else inf
+            if following and due <= now:
+                self._serve(following, len(ready))
+                await asyncio.sleep(0)  # for the network
             else:
-                await self._news.wait()
+                await self._wait(min(due - now, SWEEP_TIME))
 
-    def _messages_for(self, visitor: Visitor) -> dict[str, Message]:
-        """Return the present message of each kind, the state as the last one."""
-        plays = self.plays(visitor)
-        look = self.session.look if plays else visitor.look
-        role = {
-            "kind": "role",
-            "plays": plays,
-            "asks": visitor.asks,
-            "asking": sum(one.asks for one in self._visitors),
-            "awaitsFilm": visitor.film is not None,
-        }
-        messages = dict(self.session.messages(look))
-        state = messages.pop("state")
-        return {**messages, "role": json.dumps(role), "state": state}
+    async def _wait(self, seconds: float) -> None:
+        """Wait for news, at most `seconds`."""
+        with suppress(asyncio.TimeoutError):
+            await asyncio.wait_for(self._news.wait(), seconds)
+
+    def _serve(self, seat: Seat, sharers: int) -> None:
+        """Send the next picture of a session to its pages that are ready.
+
+        `sharers`: number of sessions that want a picture.
+        """
+        began = perf_counter()
+        used = thread_time()  # other programs do not count
+        session = seat.session
+        rows = len(self._common.board)
+        if session.is_busy:
+            part = max(MAX_COMPUTING_TIME / sharers, MIN_COMPUTING_TIME)
+            with alone():  # another thread may compute
+                session.advance(part)
+        sent = [page.show(self._common.board) for page in seat.pages if page.is_ready]
+        seat.due = inf
+        if any(sent):
+            spent = thread_time() - used
+            pause = min(spent * sharers / MAX_PARTS, MAX_PAUSE)
+            seat.due = began + max(1.0 / MAX_RATE, pause)
+        if len(self._common.board) > rows:
+            for one in self.seats.values():
+                one.wake()

@@ -108,10 +108,6 @@ CHOICES: dict[str, tuple[str, Any]] = {
 }
 
 
-# keys that change a visitor's own look
-LOOK_KEYS = {"c": "video.colour", "o": "video.draw", "t": "video.theme"}
-
-
 def values_of(key: str) -> tuple[str, ...]:
     """Return the values of a choice."""
     return get_args(CHOICES[key][1])

@@ -29,9 +29,31 @@ STORE_SPACING = 1.5e-2
 HIT_AGAIN = "hit again"
 DISTURBED = "disturbed"
 PULLED = "pulled"
-# stored states and their memory; then every second one is dropped
+# stored states of a timeline, and the memory of those of all timelines; then every
+# second one is dropped
 MAX_STATES = 1280
 MAX_BYTES = 1.7e9
+SHARERS = 4  # timelines above which each stores fewer states
+
+
+class Memory:
+    """The memory that timelines share: each may fill an equal part.
+
+    `sharers`: number of timelines.
+    """
+
+    sharers = 1
+
+    @property
+    def part(self) -> float:
+        """Bytes of one timeline."""
+        return MAX_BYTES / self.sharers
+
+    @property
+    def thinning(self) -> float:
+        """Factor by which stored states are further apart. Storing one takes longer
+        than a few steps, so each of many sharers stores fewer."""
+        return max(1.0, self.sharers / SHARERS)
 
 
 class Segment(Driver):
@@ -64,10 +86,37 @@ class Segment(Driver):
         self.began = began
         self.hit_began = hit_began
         self.reference_energy = self.scenario.reference_energy
+        self._mouse: tuple[int, tuple[float, float]] | None = None
+        self._hold()
+
+    def _hold(self) -> None:
+        """Remember the simulation as it is for this segment."""
+        self._generation = self.simulation.generation
+        self._load = self.simulation.load
+
+    def _take_back(self) -> None:
+        """Go on from the last valid state, if another sandbox has used the simulation
+        since then."""
+        if self.simulation.generation == self._generation:
+            return
+        if self.simulation.generation > 0:
+            self.simulation.write_again(self._load)
+        else:  # a larger lattice has taken its place
+            self.simulation = self._simulation()
+        if self._mouse:
+            # before the state, which contains the pull
+            self.simulation.set_mouse_target(*self._mouse)
+        self.simulation.restore(self.state)
+        self._hold()
+
+    def let_go(self) -> None:
+        """Forget what only a segment that moves needs."""
+        del self._load
 
     def advance(self, seconds: float = inf, steps: int | None = None) -> Status:
         """Advance as a `Driver` does; the disk still moves after the end, and the
         status stays "finished"."""
+        self._take_back()
         self.can_end = self.end is None and self.label != PULLED
         if self.status == "finished":
             self.status = "running"
@@ -110,6 +159,7 @@ class Segment(Driver):
         snapshot = checkpoint.snapshot
         self.simulation = self._simulation()
         self.simulation.restore(snapshot)
+        self._hold()
         self.count = 1 + snapshot.step // self.stride
         inside = within(self.rows[1:], self.bounds)
         last_inside = int(np.argmin(np.append(inside[::-1], False)))
@@ -124,6 +174,8 @@ class Segment(Driver):
 
     def pull(self, point: int, target: tuple[float, float]) -> None:
         """Tie a point to the mouse at `target` [R] from now on."""
+        self._take_back()
+        self._mouse = point, target
         jump = self.simulation.set_mouse_target(point, target)
         self.row = self.row.copy()
         self.row[INDEX["load"]] += jump
@@ -191,9 +243,12 @@ class Timeline:
             state reached before the scene began again with a shorter step.
     """
 
-    def __init__(self, scene: Scene, kernels: KernelCache) -> None:
+    def __init__(
+        self, scene: Scene, kernels: KernelCache, memory: Memory | None = None
+    ) -> None:
         """Begin at t = 0 of a scene. Raises TaichiDiskError if the scene cannot be
         computed."""
+        self._memory = memory or Memory()
         scene = scene.in_time()
         self.body: Lattice = body_of(scene)
         self.scenario: Scenario = with_mouse(scene, self.body)
@@ -234,6 +289,7 @@ class Timeline:
             began=now.t,
             hit_began=now.t if label == HIT_AGAIN else last.hit_began,
         )
+        last.let_go()
         self._follow(segment)
 
     def _follow(self, segment: Segment) -> None:
@@ -261,9 +317,8 @@ class Timeline:
     def due(self) -> int:
         """Steps until the next state is stored."""
         dt = self.segment.step.dt
-        return round(
-            (self.checkpoints[-1].t + max(self.spacing, dt) - self.segment.now) / dt
-        )
+        spacing = max(self.spacing * self._memory.thinning, dt)
+        return round((self.checkpoints[-1].t + spacing - self.segment.now) / dt)
 
     def go(self, steps: int, seconds: float) -> int:
         """Make at most `steps` steps, within about `seconds` of the clock and up to the
@@ -273,11 +328,11 @@ class Timeline:
         """
         segment = self.segment
         until = perf_counter() + seconds
-        start = segment.simulation.step_number
+        start = segment.state.step
         end = start + steps
-        while segment.simulation.step_number < end and segment.status != "failed":
+        while segment.state.step < end and segment.status != "failed":
             before = segment.status
-            left = end - segment.simulation.step_number
+            left = end - segment.state.step
             segment.advance(until - perf_counter(), min(left, self.due))
             if segment.status not in ("running", before):
                 shorter = segment.begun_again()
@@ -289,7 +344,7 @@ class Timeline:
                 break
         if self.lead <= 0.0 or segment.status in ("finished", "failed"):
             self.display = segment.present
-        return max(segment.simulation.step_number - start, 0)
+        return max(segment.state.step - start, 0)
 
     def _replace(self, segment: Segment) -> None:
         """Continue with `segment`, the present segment at its start; the state on
@@ -307,9 +362,9 @@ class Timeline:
             return
         now = self.segment.present
         self.checkpoints.append(now)
-        if len(self.checkpoints) >= min(
-            MAX_STATES, MAX_BYTES / now.snapshot.vectors.nbytes
-        ):
+        most = min(MAX_STATES, self._memory.part / now.snapshot.vectors.nbytes)
+        # the part may have become smaller
+        while len(self.checkpoints) >= max(most, 3.0):
             self.checkpoints = self.checkpoints[::2]
             self.spacing = (self.checkpoints[-1].t - self.checkpoints[0].t) / (
                 len(self.checkpoints) - 1

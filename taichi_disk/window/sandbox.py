@@ -4,6 +4,7 @@ and goes back in time."""
 from __future__ import annotations
 
 from collections import namedtuple
+from collections.abc import Callable
 from dataclasses import replace
 from math import ceil, exp, inf
 from time import perf_counter
@@ -16,7 +17,14 @@ from taichi_disk.scenes import Scene
 from taichi_disk.simulation.observables import INDEX
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.statics.equilibrium import turned
-from taichi_disk.window.history import DISTURBED, HIT_AGAIN, PULLED, Segment, Timeline
+from taichi_disk.window.history import (
+    DISTURBED,
+    HIT_AGAIN,
+    PULLED,
+    Memory,
+    Segment,
+    Timeline,
+)
 
 IMMEDIATE_KEYS = (
     "material.eta_star",
@@ -150,9 +158,18 @@ class Sandbox:
     _load_before = 0.0
     _slowed = 1.0
 
-    def __init__(self, scene: Scene, kernels: KernelCache) -> None:
-        """Begin with `scene`. Raises TaichiDiskError."""
+    def __init__(
+        self,
+        scene: Scene,
+        kernels: KernelCache,
+        memory: Memory | None = None,
+        report: Callable[[Experiment], None] | None = None,
+    ) -> None:
+        """Begin with `scene`. `report` is called with each undisturbed experiment that
+        has come to its end. Raises TaichiDiskError."""
         self.kernels = kernels
+        self._memory = memory
+        self._report = report
         self.scene = scene
         self.results: list[Experiment] = []
         self.begin()
@@ -163,7 +180,7 @@ class Sandbox:
 
         Raises TaichiDiskError, and then leaves everything as it was.
         """
-        self.time = Timeline(scene or self.scene, self.kernels)
+        self.time = Timeline(scene or self.scene, self.kernels, self._memory)
         self.scene = self.time.segment.scenario.scene
         self.starts = self.starts + 1
         self.paused = True
@@ -225,12 +242,12 @@ class Sandbox:
 
     # ---- time
 
-    def tick(self) -> int:
-        """Let the time since the last tick pass, at most MAX_PASSED; return the number
-        of steps made."""
+    def tick(self, max_seconds: float = MAX_COMPUTING_TIME) -> int:
+        """Let the time since the last tick pass, at most MAX_PASSED, and compute for
+        about `max_seconds`; return the number of steps made."""
         before = self._clock
         self._clock = perf_counter()
-        return self.advance(min(self._clock - before, MAX_PASSED))
+        return self.advance(min(self._clock - before, MAX_PASSED), max_seconds)
 
     def advance(self, seconds: float, max_seconds: float = MAX_COMPUTING_TIME) -> int:
         """Let `seconds` of the clock pass and return the number of steps made.
@@ -280,6 +297,8 @@ class Sandbox:
         words = segment.scenario.words
         experiment = experiment_of(segment)
         self.results = [*self.results, experiment][-MAX_RESULTS:]
+        if self._report and not segment.label:
+            self._report(experiment)
         self.paused = True
         digits = printed(experiment.result, experiment.value)
         name, _ = segment.scenario.primary(segment.columns)

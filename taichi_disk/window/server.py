@@ -1,5 +1,4 @@
-"""The sandbox as a page: one server, one sandbox, which the first visitor plays with
-and the others watch.
+"""The sandbox as a page: one server, and a sandbox for each page.
 
 `websockets` serves the page's files and its messages. `door.py` decides who may come.
 """
@@ -8,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import errno
+import gc
 import logging
 import secrets
 import socket
@@ -19,16 +19,18 @@ from functools import partial
 from ipaddress import ip_address
 from threading import Thread
 from typing import Any
+from urllib.parse import urlsplit
 
 from websockets.asyncio import server
+from websockets.frames import CloseCode
 
 from taichi_disk.errors import InputError
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.simulation import KernelCache
-from taichi_disk.window.audience import Audience
+from taichi_disk.window.audience import Audience, Full
 from taichi_disk.window.controls import Preset
 from taichi_disk.window.door import Door, split_origin
-from taichi_disk.window.session import MAX_BYTES, Session
+from taichi_disk.window.session import MAX_BYTES, Common
 
 LOCAL_HOST = "127.0.0.1"
 _EVERYWHERE = ("0.0.0.0", "::")  # hosts that stand for all addresses of the machine
@@ -56,7 +58,10 @@ def serve(
     """
     public, path = split_origin(origin) if origin else ("", "")
     listening = _listen(host, port)
-    audience = Audience(Session(playlist, KernelCache()))
+    audience = Audience(Common(playlist, KernelCache()))
+    # A pass of the garbage collector over all modules would hold up the disks.
+    gc.collect()
+    gc.freeze()
     token = secrets.token_urlsafe(16)
     bound_port = listening.getsockname()[1]
     roots = [f"http://{name}:{bound_port}" for name in _names(host, listening)]
@@ -66,6 +71,7 @@ def serve(
     print("the sandbox is at", "\n               or ".join(addresses))
     print("Ctrl-C ends it", flush=True)
     if public or not _is_local(listening):
+        _print_code(addresses[0])
         print(
             "note: whoever has this address and reaches this machine can play; nothing"
             " is encrypted by this program",
@@ -85,6 +91,18 @@ def serve(
 
 
 # ---- addresses
+
+
+def _print_code(address: str) -> None:
+    """Print a QR code of the address, if a terminal can show it."""
+    try:
+        "█▀▄".encode(sys.stdout.encoding)
+    except (UnicodeEncodeError, LookupError, TypeError):
+        return
+    if sys.stdout.isatty():
+        import segno
+
+        segno.make(address, error="l", micro=False).terminal(compact=True)
 
 
 def _listen(host: str, port: int) -> socket.socket:
@@ -214,12 +232,19 @@ def _error_handler() -> Callable[[asyncio.AbstractEventLoop, dict[str, Any]], No
 
 
 async def _meet(audience: Audience, connection: server.ServerConnection) -> None:
-    visitor = audience.join(
-        partial(server.broadcast, [connection]),
-        connection.transport.get_write_buffer_size,
-    )
+    request = connection.request
+    key = urlsplit(request.path).query if request else ""
+    try:
+        page = audience.join(
+            partial(server.broadcast, [connection]),
+            connection.transport.get_write_buffer_size,
+            key,
+        )
+    except Full as full:
+        await connection.close(CloseCode.TRY_AGAIN_LATER, str(full))
+        return
     try:
         async for text in connection:
-            audience.hear(visitor, text)
+            audience.hear(page, text)
     finally:
-        audience.leave(visitor)
+        audience.leave(page)

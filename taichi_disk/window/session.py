@@ -1,4 +1,4 @@
-"""A sandbox behind its pages: it carries out their commands between two states and
+"""A sandbox behind its page: it carries out their commands between two states and
 packs the messages they show.
 
 A page draws the last state and the last text of each kind, so a slow page misses states
@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections import defaultdict
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -33,22 +31,29 @@ from taichi_disk.window.controls import (
     values_of,
 )
 from taichi_disk.window.graphs import CURVES, Graphs, ScaleMaxima
-from taichi_disk.window.look import Look
-from taichi_disk.window.sandbox import Sandbox, load_key, printed, value_of
+from taichi_disk.window.history import Memory
+from taichi_disk.window.sandbox import (
+    MAX_COMPUTING_TIME,
+    Experiment,
+    Sandbox,
+    load_key,
+    printed,
+    value_of,
+)
 
 MAX_BYTES = 2**10  # limit of a page's message
 MAX_NUMBER = 1e7  # limit of a number in it
 # most commands that wait for the next picture; of some, only the latest counts
 _MAX_PENDING = 64
 # A page's commands and their values, by the part of `Session` that has a method of the
-# same name. Those of the audience tell it that the page has drawn a state, that a
-# watcher asks to play, that the player hands over or does not, or wants a film.
+# same name. Those of the audience tell it that the page has drawn a state, or wants a
+# film.
 _METHODS = {
     "controls": "press key, play number, set key value, collect",
     "sandbox": "scrub t, turn angle final, aim dx dy, throw, pull x y, release, clear,"
     " remove number",
     "scales": "rescale",
-    "audience": "seen number, ask, hand, keep, film",
+    "audience": "seen number, film",
 }
 _COMMANDS = {
     do: (part, values)
@@ -57,6 +62,7 @@ _COMMANDS = {
 }
 # commands of which only the latest counts
 _REPLACED = ("set", "scrub", "turn", "aim", "pull")
+MAX_BOARD = 2000  # most rows of the class's board
 # points; a larger lattice takes longer to build than a picture may take
 LARGE_LATTICE = 5000
 HEADER = struct.Struct("<IdIIiI2f")  # see `Session._state`
@@ -83,40 +89,68 @@ def read_command(text: Any) -> dict[str, Any] | None:
         return None
 
 
-class Session:
-    """One sandbox for all pages. `ti.init` must have been called; neither a display nor
-    Vulkan is needed.
+class Common:
+    """What all sessions have in common.
 
     Attributes:
-        sandbox, controls: the disk and the user's controls.
-        number: of the last state.
+        playlist, first: the scenes, and the one with which a session begins.
+        cards: what a page's list shows of each scene.
+        kernels, memory: shared by their sandboxes.
+        board: the undisturbed experiments of all sessions, the newest last, each with
+            the number of its session; the first MAX_BOARD of them.
     """
 
     def __init__(self, playlist: list[Preset], kernels: KernelCache) -> None:
-        """Begin with the first scene of the list. Raises TaichiDiskError if it cannot
-        be built."""
+        """Raises TaichiDiskError if a scene of the program's cannot be read."""
+        self.playlist = playlist
+        self.first = playlist[0].load()
+        self.cards = [_card(entry) for entry in playlist]
+        self.kernels = kernels
+        self.memory = Memory()
+        self.board: list[dict[str, Any]] = []
+
+    def report(self, number: int, experiment: Experiment) -> None:
+        """Enter an experiment of the session `number` into the board."""
+        if len(self.board) < MAX_BOARD:
+            self.board.append({"player": number} | experiment._asdict())
+
+
+class Session:
+    """One sandbox. `ti.init` must have been called; neither a display nor Vulkan is
+    needed.
+
+    Attributes:
+        sandbox, controls: the disk and the user's controls.
+        scales: the scales of the picture.
+        messages: the present messages by their kinds: the JSON texts "hello", "scene",
+            "graphs", "panel" and "yaml", and the binary "state".
+        number: of the last state.
+    """
+
+    def __init__(self, common: Common, player: int = 1) -> None:
+        """Begin with the first scene of the list; `player`: number of this session.
+        Raises TaichiDiskError if the scene cannot be built."""
         self._program = engine.program()
-        self.sandbox = Sandbox(playlist[0].load(), kernels)
-        self.controls = Controls(self.sandbox, playlist)
+        self.sandbox = Sandbox(
+            common.first, common.kernels, common.memory, partial(common.report, player)
+        )
+        self.controls = Controls(self.sandbox, common.playlist)
         self.graphs = Graphs(self.sandbox)
+        self.scales = ScaleMaxima(self.sandbox)
         self.number = 0
         self._command_count = 0
         self._pending: dict[Any, dict[str, Any]] = {}
-        new_scales = partial(ScaleMaxima, self.sandbox)
-        self._scales: dict[str, ScaleMaxima] = defaultdict(new_scales)  # by quantities
-        # the last texts by their kind and look, each with what it depends on
-        self._texts: dict[tuple[str, Look | None], tuple[Any, str]] = {}
-        # messages of the present picture: for everybody, and by looks
-        self._shared: dict[str, str] = {}
-        self._pictures: dict[Look, dict[str, Any]] = {}
+        # what the last text of a kind depends on
+        self._keys: dict[str, Any] = {}
+        self.messages: dict[str, Any] = {}
         hello = {
             "columns": [*INDEX],
-            "playlist": [_card(entry) for entry in playlist],
+            "playlist": common.cards,
             "curves": CURVES,
             "keys": self.controls.reference,
             "repeating": REPEATING_KEYS,
         }
-        self._shared["hello"] = self._text("hello", 0, lambda: hello)
+        self._write("hello", 0, lambda: hello)
         self.advance()
 
     # ---- commands
@@ -134,7 +168,7 @@ class Session:
             self._pending[key] = message
 
     def release(self) -> None:
-        """Let go of the disk with the next picture, because its player has left."""
+        """Let go of the disk with the next picture, because its page has left."""
         self._pending = {"release": {"do": "release"}}
 
     def pause(self) -> None:
@@ -156,38 +190,9 @@ class Session:
             or not sandbox.paused
         )
 
-    @property
-    def look(self) -> Look:
-        """How the disk is drawn for the player."""
-        return Look.of(self.sandbox.scene.video)
-
-    @property
-    def scales(self) -> ScaleMaxima:
-        """The scales of the player's picture."""
-        return self._scales[self.look.colour]
-
-    def messages(self, look: Look) -> dict[str, Any]:
-        """Return the present messages for a visitor with this look: the JSON texts
-        "hello", "scene", "graphs", "panel" and "yaml", and the binary "state"."""
-        if look not in self._pictures:
-            self._pictures[look] = self._picture(look)
-        return self._shared | self._pictures[look]
-
-    def _picture(self, look: Look) -> dict[str, Any]:
-        """Return the messages that depend on the look."""
-        scene = self.sandbox.scene
-        shown = replace(scene, video=replace(scene.video, **look._asdict()))
-        state = self._state(look)
-        panel = self._panel(look)
-        return {
-            "panel": self._text("panel", panel, lambda: panel, look),
-            "yaml": self._text("yaml", shown, lambda: {"text": shown.to_yaml()}, look),
-            "state": state,
-        }
-
-    def advance(self) -> None:
+    def advance(self, max_seconds: float = MAX_COMPUTING_TIME) -> None:
         """Carry out the commands, let the time since the last picture pass, and write
-        the next picture's messages.
+        the next picture's messages; compute for about `max_seconds`.
 
         If that fails, the scene begins anew, and its message says why.
         """
@@ -195,13 +200,14 @@ class Session:
             if engine.program() is not self._program:
                 raise TaichiDiskError("ti.init or ti.reset has ended the simulation")
             self._carry_out_commands()
-            self.sandbox.tick()
+            self.sandbox.tick(max_seconds)
+            self._write_messages()
         except Exception as error:
             self._begin_anew(described(error))
-        self._write_messages()
+            self._write_messages()
 
     def tell(self, message: str) -> None:
-        """Show a message to all visitors."""
+        """Show a message to the user."""
         self.sandbox.message = message
         self._write_messages()
 
@@ -227,14 +233,16 @@ class Session:
 
     def _write_messages(self) -> None:
         self.number += 1
-        shared = self._shared
-        shared["scene"] = self._text("scene", self._scene_key(), self._scene)
+        scene = self.sandbox.scene
+        self._write("scene", self._scene_key(), self._scene)
         # While the scene is computed again, the old curves stay.
         if self.sandbox.time.lead <= 0.0:
-            key = self._graphs_key()
-            shared["graphs"] = self._text("graphs", key, self.graphs.message)
-        # The player's picture is made each time, because it lets the scales grow.
-        self._pictures = {self.look: self._picture(self.look)}
+            self._write("graphs", self._graphs_key(), self.graphs.message)
+        state = self._state()
+        panel = self._panel()
+        self._write("panel", panel, lambda: panel)
+        self._write("yaml", scene, lambda: {"text": scene.to_yaml()})
+        self.messages["state"] = state
 
     def _scene_key(self) -> Any:
         """The scene is sent again if the lattice, the start or the wall's drawing
@@ -257,21 +265,14 @@ class Session:
         is_past = time.lead < 0.0
         return last, hit_began, last.status, self.sandbox.paused, is_past
 
-    def _text(
-        self,
-        kind: str,
-        key: Any,
-        content: Callable[[], dict[str, Any]],
-        look: Look | None = None,
-    ) -> str:
-        """Return a JSON message, for one look or for all. It is written again only if
-        `key`, on which its content depends, has changed."""
-        key_before, text = self._texts.get((kind, look), (None, ""))
-        if key != key_before:
+    def _write(
+        self, kind: str, key: Any, content: Callable[[], dict[str, Any]]
+    ) -> None:
+        """Write a JSON message if `key`, on which its content depends, has changed."""
+        if self._keys.get(kind) != key:
             # in ASCII: names of files may hold what is no Unicode
-            text = json.dumps({"kind": kind} | content())
-            self._texts[kind, look] = key, text
-        return text
+            self.messages[kind] = json.dumps({"kind": kind} | content())
+            self._keys[kind] = key
 
     def _scene(self) -> dict[str, Any]:
         scenario = self.sandbox.time.display.segment.scenario
@@ -280,7 +281,7 @@ class Session:
             "start": self.sandbox.starts
         }
 
-    def _state(self, look: Look) -> bytes:
+    def _state(self) -> bytes:
         """Return the binary message of a picture, little-endian.
 
         HEADER holds the number, t since the hit began [R/c], points, forces, the point
@@ -296,11 +297,12 @@ class Session:
         lattice = scenario.lattice
         x = state.x
         v = state.v
-        of_springs = look.draw == "springs"
-        values = colour_values(look.colour, self._triangles, springs, x, v, of_springs)
+        video = sandbox.scene.video
+        of_springs = video.draw == "springs"
+        values = colour_values(video.colour, self._triangles, springs, x, v, of_springs)
         forces = contact_forces(scenario.model.wall, lattice, springs, x, v)
-        scales = self._scales[look.colour]
-        scales.update(values[: lattice.disk_points], forces, look.colour)
+        scales = self.scales
+        scales.update(values[: lattice.disk_points], forces, video.colour)
         pulled = sandbox.grip[0] if sandbox.grip else -1
         t = state.t - state.segment.hit_began
         header = HEADER.pack(
@@ -329,12 +331,12 @@ class Session:
             lines.append(f"*{symbol} = {printed(symbol, result)}")
         return "\n".join(lines)
 
-    def _panel(self, look: Look) -> dict[str, Any]:
+    def _panel(self) -> dict[str, Any]:
         sandbox = self.sandbox
         controls = self.controls
         entry = controls.playlist[controls.number]
         return {
-            "message": sandbox.message or self._scales[look.colour].note,
+            "message": sandbox.message or self.scales.note,
             "status": sandbox.status,
             "warnings": sandbox.warnings,
             "paused": sandbox.paused,
@@ -347,7 +349,7 @@ class Session:
             "hint": self._hint(),
             "atStart": sandbox.at_start,
             "sliders": self._sliders(),
-            "choices": self._choices(look),
+            "choices": self._choices(),
             "seed": sandbox.scene.lattice.seed,
             "collecting": len(sandbox.remaining_loads),
             "results": [one._asdict() for one in sandbox.results],
@@ -392,13 +394,11 @@ class Session:
             sliders.append({"key": key, "value": value, "live": live} | one._asdict())
         return sliders
 
-    def _choices(self, look: Look) -> list[dict[str, Any]]:
-        """Return the choices of the present scene, those of a visitor alone by
-        `look`."""
-        own = {command["key"]: command["value"] for command in look.commands()}
+    def _choices(self) -> list[dict[str, Any]]:
+        """Return the choices of the present scene."""
         choices = []
         for key, (name, _) in CHOICES.items():
-            value = own.get(key, self.controls.value(key))
+            value = self.controls.value(key)
             if value is not None:
                 choice = {"key": key, "name": name, "value": value}
                 choices.append(choice | {"options": values_of(key)})

@@ -11,7 +11,7 @@ from taichi_disk import runtime
 from taichi_disk.machine import processor
 from taichi_disk.output.files import versions
 
-from . import commands, kernel, precision, window
+from . import commands, kernel, page, precision
 
 Part = Callable[..., Iterator[str]]  # arguments: number of turns, settings
 PARTS: dict[str, tuple[Part, str]] = {
@@ -19,9 +19,8 @@ PARTS: dict[str, tuple[Part, str]] = {
     "run": (kernel.run, "a run's simulation beside the bare kernel"),
     "start-up": (commands.start_up, "commands that compute nothing"),
     "film": (commands.film, "`run` to its film, caches empty and warm"),
-    "window": (window.window, "pictures and steps a second in the window"),
     "page": (
-        window.page,
+        page.page,
         "processor time of a state, states a second of the page in Chromium",
     ),
     "precision": (

@@ -798,9 +798,9 @@ def test_a_window_that_does_not_open_with_these_shaders_opens_without(monkeypatc
     monkeypatch.setattr(offscreen.ti._lib, "core", Core())
     monkeypatch.setattr(offscreen.Window, "__init__", offscreen.Window.__init__)
     monkeypatch.setattr(offscreen.ti.ui.Window, "__init__", Plain.__init__)
-    window = offscreen.open_window("test", (20, 20), show_window=False)
+    window = offscreen.open_window((20, 20))
     assert not window.is_soft
-    assert opened == [("test", (20, 20), False)]
+    assert opened == [(offscreen.TITLE, (20, 20), False)]
 
 
 @pytest.mark.skipif(

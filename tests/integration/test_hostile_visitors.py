@@ -26,10 +26,10 @@ from taichi_disk.errors import InputError
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window import server
-from taichi_disk.window.audience import Audience
+from taichi_disk.window.audience import MAX_SESSIONS, Audience
 from taichi_disk.window.controls import Preset
 from taichi_disk.window.door import Door
-from taichi_disk.window.session import HEADER, MAX_BYTES, Session
+from taichi_disk.window.session import HEADER, MAX_BYTES, Common
 from tests.browser import MISSING, Browser
 
 SETTINGS = ["lattice.points=60", "impact.velocity=0.05", "material.eta_star=1"]
@@ -44,7 +44,7 @@ Act = Callable[[int], Awaitable[None]]  # what visitors do, given the port
 @pytest.fixture
 def audience(kernels: KernelCache) -> Audience:
     entry = Preset("bounce", "Look.", partial(load_scene, "exponential_wall", SETTINGS))
-    return Audience(Session([entry] * 2, kernels))
+    return Audience(Common([entry] * 2, kernels))
 
 
 def handshake(port: int) -> bytes:
@@ -65,7 +65,7 @@ class Guest:
     """A page without a browser, over a real socket."""
 
     def __init__(self, connection: ClientConnection) -> None:
-        self.connection, self.plays, self.number = connection, False, 0
+        self.connection, self.key, self.number = connection, "", 0
 
     async def say(self, kind: str, **more: Any) -> None:
         await self.connection.send(json.dumps({"do": kind} | more))
@@ -76,15 +76,15 @@ class Guest:
             while isinstance(
                 message := await asyncio.wait_for(self.connection.recv(), 10.0), str
             ):
-                if (content := json.loads(message))["kind"] == "role":
-                    self.plays = content["plays"]
+                if (content := json.loads(message))["kind"] == "session":
+                    self.key = content["key"]
             self.number = HEADER.unpack(message[: HEADER.size])[0]
             await self.say("seen", number=self.number)
 
 
 @asynccontextmanager
-async def guest(port: int, **options: Any) -> AsyncIterator[Guest]:
-    address = f"ws://127.0.0.1:{port}/secret/socket"
+async def guest(port: int, key: str = "", **options: Any) -> AsyncIterator[Guest]:
+    address = f"ws://127.0.0.1:{port}/secret/socket?{key}"
     async with connect(
         address, origin=f"http://127.0.0.1:{port}", **options
     ) as connection:  # type: ignore[arg-type]
@@ -105,15 +105,20 @@ def visited(audience: Audience, act: Act) -> None:
             try:
                 await asyncio.wait_for(act(port), 30.0)
                 async with guest(port) as last:
-                    await until(lambda: len(audience._visitors) == 1)
+                    await until(lambda: pages(audience) == 1)
                     await last.see()
-                    assert last.plays
+                    await last.say("press", key="space")
+                    await last.see(3)  # it plays
                 assert not serving.done()
             finally:
                 serving.cancel()
                 await asyncio.wait([serving])
 
     asyncio.run(visit())
+
+
+def pages(audience: Audience) -> int:
+    return sum(len(seat.pages) for seat in audience.seats.values())
 
 
 async def until(condition: Callable[[], object]) -> None:
@@ -126,7 +131,7 @@ async def until(condition: Callable[[], object]) -> None:
 
 @pytest.mark.parametrize("count", [20, 100])
 @pytest.mark.validate
-def test_a_crowd_that_comes_at_once_is_served_and_one_of_it_plays(
+def test_a_crowd_that_comes_at_once_is_served_as_far_as_there_is_room(
     audience: Audience, count: int
 ) -> None:
     async def act(port: int) -> None:
@@ -134,12 +139,22 @@ def test_a_crowd_that_comes_at_once_is_served_and_one_of_it_plays(
             crowd = await asyncio.gather(
                 *(stack.enter_async_context(guest(port)) for _ in range(count))
             )
-            await asyncio.gather(*(one.see() for one in crowd))
-            (player,) = [one for one in crowd if one.plays]
-            await player.say("press", key="space")
-            await asyncio.gather(*(one.see(5) for one in crowd))
-            assert not audience.session.sandbox.paused
-        await until(lambda: audience.session.sandbox.paused)  # all have left
+            seen = await asyncio.gather(
+                *(one.see() for one in crowd), return_exceptions=True
+            )
+            refused = [error for error in seen if isinstance(error, ConnectionClosed)]
+            assert len(refused) == max(0, count - MAX_SESSIONS)
+            assert all("people are playing" in error.rcvd.reason for error in refused)
+            players = [
+                one for one, error in zip(crowd, seen, strict=True) if error is None
+            ]
+            for one in players:
+                await one.say("press", key="space")
+            await asyncio.gather(*(one.see(5) for one in players))
+            sandboxes = [seat.session.sandbox for seat in audience.seats.values()]
+            assert not any(sandbox.paused for sandbox in sandboxes)
+        # all have left
+        await until(lambda: all(sandbox.paused for sandbox in sandboxes))
 
     visited(audience, act)
 
@@ -166,7 +181,7 @@ def test_a_page_that_is_reloaded_again_and_again_leaves_nothing_behind(
 
 @pytest.mark.parametrize("claims_to_draw", [False, True])
 @pytest.mark.validate
-def test_a_player_who_reads_nothing_gets_no_queue_and_must_give_way(
+def test_a_page_that_reads_nothing_gets_no_queue_and_finds_its_disk_again(
     audience: Audience, monkeypatch: pytest.MonkeyPatch, claims_to_draw: bool
 ) -> None:
     connections: list[Any] = []
@@ -184,18 +199,23 @@ def test_a_player_who_reads_nothing_gets_no_queue_and_must_give_way(
         deaf.connect(("127.0.0.1", port))
         async with (
             guest(port, sock=deaf, max_queue=1) as player,
-            guest(port) as watcher,
+            guest(port) as other,
         ):
-            await watcher.see()
+            await other.see()
             await player.say("press", key="space")
-            while not watcher.plays:
+            while pages(audience) == 2:
                 if claims_to_draw:
                     with suppress(ConnectionClosed):
                         await player.say("seen", number=9e6)
                 assert connections[0].transport.get_write_buffer_size() < MAX_UNREAD
-                await watcher.see()
-            await watcher.see(3)  # it moves on
+                await other.say("press", key="t")
+                await other.see()
             player.connection.transport.abort()
+            seat = next(iter(audience.seats.values()))
+            assert seat.session.sandbox.paused and not seat.pages
+            async with guest(port, seat.key) as again:
+                await again.see()
+                assert again.key == seat.key and seat.pages
 
     visited(audience, act)
 
@@ -274,8 +294,7 @@ def test_a_flood_of_rubbish_is_counted_and_everybody_else_goes_on(
                 while True:
                     await vandal.see()
             await watcher.say("press", key="space")
-            while not watcher.plays:
-                await watcher.see()
+            await watcher.see(3)
         for frame in (
             b"\xff" * 20,
             b"\x81\x05hello",
@@ -324,7 +343,7 @@ def test_pages_that_are_silent_do_not_hold_up_the_end(audience: Audience) -> Non
             for request in (handshake(port), b"", b"GET /secret/"):
                 streams.append(await asyncio.open_connection("127.0.0.1", port))
                 streams[-1][1].write(request)
-            await until(lambda: audience._visitors)
+            await until(lambda: pages(audience))
             serving.cancel()
             # `websockets` would wait for ten seconds
             done, _ = await asyncio.wait([serving], timeout=5.0)

@@ -166,10 +166,7 @@ def attributes_of_classes(tree):
 
 
 def test_no_object_is_written_to_by_another_room():
-    # The window's painter has settings, which follow the sandbox.
-    settings = "window/viewer.py: painter."
-    found = writes_from_other_rooms()
-    assert [each for each in found if not each.startswith(settings)] == []
+    assert writes_from_other_rooms() == []
 
 
 # ---- one thought to a statement
@@ -212,7 +209,7 @@ HABITS = {
 # numbers in the whole package: what is reached, so that it does not grow again
 MOST = {
     "tuple assignments": 0,
-    "conditional expressions": 90,
+    "conditional expressions": 72,
     "walruses": 1,
     "nested comprehensions": 2,
     "products with a condition": 0,

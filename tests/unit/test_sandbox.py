@@ -585,9 +585,7 @@ def test_a_row_of_the_table_can_be_removed(kernels: KernelCache) -> None:
     assert [one.value for one in sandbox.results] == [0, 2]
 
 
-def test_a_folders_scenes_are_stepped_through_in_order(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_folders_scenes_are_stepped_through_in_order(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no scene in this folder"):
         list_folder(tmp_path)
     (tmp_path / "b.yaml").write_text("scene: compression\n")
@@ -600,10 +598,8 @@ def test_a_folders_scenes_are_stepped_through_in_order(
     )
     (tmp_path / ".#a.yaml").symlink_to("nowhere")  # an editor's lock
     (tmp_path / "c.yaml").mkdir()
-    monkeypatch.chdir(tmp_path.parent)
-    entries = list_folder(Path(tmp_path.name))
+    entries = list_folder(tmp_path)
     assert [one.name for one in entries] == ["a", "b"]
-    monkeypatch.chdir("/")  # an open window works in another folder
     assert entries[0].load().impact.velocity == 0.02  # type: ignore[union-attr]
     (tmp_path / "points").mkdir()
     for key in ("f00", "a11"):

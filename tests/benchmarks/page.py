@@ -1,5 +1,4 @@
-"""Measure how smoothly the page and the window of `taichi-disk view` move, without a
-user."""
+"""Measure how smoothly the page of `taichi-disk view` moves, without a user."""
 
 from __future__ import annotations
 
@@ -7,13 +6,10 @@ import multiprocessing
 import re
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from itertools import pairwise
-from pathlib import Path
 from statistics import median, quantiles
 
 SCENES = (
@@ -23,73 +19,9 @@ SCENES = (
     ("exponential_wall", "lattice.points=4400"),
     ("exponential_wall", "lattice.points=20000"),
 )
-# times before and during the measurement in the window [s]
-WARM_UP = 2.0
-WATCHED = 6.0
+WARM_UP = 2.0  # time before the measurement [s]
 BROWSED = 4.0  # time of the measurement on the page [s]; no scene ends sooner
 COUNTED = 200  # number of states that are measured
-
-
-def window(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
-    """Measure pictures and steps per second of the shipped scenes and two larger
-    disks."""
-    from taichi_disk.window.app import window_problem
-
-    problem = window_problem()
-    if problem:
-        yield f"window: not measured: {problem}"
-        return
-    yield f"{'the window':<46}{'pictures/s':>12}{'slowest 1 %':>13}{'steps/s':>10}"
-    for scene, *own in SCENES:
-        given = (*own, *settings)
-        name = " ".join((scene, *given))
-        # Each scene has its own process, because GLFW ends a process if it cannot open
-        # a window.
-        with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
-            try:
-                seconds, steps = process.submit(watch, scene, given).result()
-            except BrokenProcessPool:
-                yield f"  {name}: not measured: the window's process died"
-                continue
-        slowest = quantiles(seconds, n=100)[-1]
-        yield (
-            f"  {name:<44}{1 / median(seconds):12.1f}{1 / slowest:13.1f}"
-            f"{steps / sum(seconds):10,.0f}"
-        )
-
-
-def watch(scene: str, settings: tuple[str, ...]) -> tuple[list[float], int]:
-    """Return the times between the pictures of a window [s], and the number of steps. A
-    scene that has ended begins again.
-    """
-    from taichi_disk import runtime
-
-    runtime.start()
-    from taichi_disk.scenes import load_scene
-    from taichi_disk.window.app import list_presets
-    from taichi_disk.window.viewer import Viewer
-
-    seconds = []
-    steps = 0
-    began = time.perf_counter()
-    last = began
-    with tempfile.TemporaryDirectory() as folder:
-        presets = list_presets(load_scene(scene, settings))
-        viewer = Viewer(presets, Path(folder), max_rate=1000)
-        pictures = viewer.pictures()
-        for made in pictures:
-            now = time.perf_counter()
-            if now > began + WARM_UP:
-                seconds.append(now - last)
-                steps += made
-            last = now
-            if now > began + WARM_UP + WATCHED:
-                break
-            if viewer.sandbox.paused:
-                viewer.sandbox.begin()
-                viewer.sandbox.pause()
-        pictures.close()
-    return seconds, steps
 
 
 def page(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
@@ -124,9 +56,10 @@ def states(scene: str, settings: tuple[str, ...]) -> tuple[float, int]:
     from taichi_disk.scenes import load_scene
     from taichi_disk.simulation.simulation import KernelCache
     from taichi_disk.window.app import list_presets
-    from taichi_disk.window.session import Session
+    from taichi_disk.window.session import Common, Session
 
-    session = Session(list_presets(load_scene(scene, settings)), KernelCache())
+    presets = list_presets(load_scene(scene, settings))
+    session = Session(Common(presets, KernelCache()))
     stepping = 0.0
     advance = session.sandbox.advance
 
@@ -146,8 +79,7 @@ def states(scene: str, settings: tuple[str, ...]) -> tuple[float, int]:
     for _ in range(COUNTED):
         session.advance()
     of_all = time.process_time() - began - stepping
-    state = session.messages(session.look)["state"]
-    return of_all / COUNTED, len(state)
+    return of_all / COUNTED, len(session.messages["state"])
 
 
 def browse(scene: str, settings: tuple[str, ...]) -> list[float]:
