@@ -732,7 +732,8 @@ def test_a_session_that_takes_long_does_not_starve_the_others(
             one.say("press", key="space")
         await drawn(slow, *others, pictures=150)
         least = min(len(one.numbers) for one in others)
-        assert least > 2 * len(slow.numbers) > 0
+        # in turn they would be served equally often; on a quiet machine it is 5 times
+        assert least > 1.3 * len(slow.numbers) > 0
 
     visit(common, act)
 
