@@ -25,6 +25,14 @@ NUMBER = re.compile(r"\\tag\{(\w+)\}")
 # In MathML, bold and sans-serif letters are characters of their own, not a style.
 STYLED = re.compile(r'<mi mathvariant="(bold|sans-serif)">([A-Za-z])<')
 STYLES = {"bold": 0x1D400, "sans-serif": 0x1D5A0}  # the code points of A
+# A line that only links to a film.
+FILM = re.compile(
+    r"^\[(Play with [^]]+)\]\((films/\w+\.html)\)(?: \(download, then open\))?$",
+    re.MULTILINE,
+)
+# The line of the README that leads to the site.
+SITE = re.compile(r"^\[The site\].*$", re.MULTILINE)
+QUESTION = "How fast does an elastic disk come back?"
 ROOT = Path(__file__).parents[1]
 PYTHON = {
     "Scenes": ("taichi_disk.scenes.load_scene", "taichi_disk.scenes.load_sweep"),
@@ -107,30 +115,46 @@ def on_page_markdown(markdown: str, page: Any, config: Any, **_: Any) -> str:
     # their links are made for the site
     if page.file.src_uri.startswith(("notebooks/", "reference/")):
         return markdown
-    at_top = page.file.src_uri in ("index.md", "contributing.md")
+    is_first = page.file.src_uri == "index.md"
+    at_top = is_first or page.file.src_uri == "contributing.md"
     text = re.sub(r"^```(\w+) no-run$", r"```\1", markdown, flags=re.MULTILINE)
     text = text.replace("](../README.md", "](index.md")
-    text = text.replace("](../CONTRIBUTING.md", "](contributing.md").replace(
-        "](CONTRIBUTING.md", "](contributing.md"
-    )
-    text = text.replace("](docs/", "](") if at_top else text.replace("](../", "](")
+    text = text.replace("](../CONTRIBUTING.md", "](contributing.md")
+    text = text.replace("](CONTRIBUTING.md", "](contributing.md")
+    if at_top:
+        text = text.replace("](docs/", "](")
+    else:
+        text = text.replace("](../", "](")
     text = text.replace(".ipynb)", ".md)")
-    # On the site, a line that only links to a film shows the film; code forges show no
-    # frames.
-    style, folder = "width: 100%; height: 640px; border: 0", "" if at_top else "../"
-    frame = (
-        f'<iframe style="{style}" title="\\1" src="{folder}\\2"'
-        ' loading="lazy"></iframe>'
-    )
-    film = re.compile(
-        r"^\[(Play with [^]]+)\]\((films/\w+\.html)\)$", flags=re.MULTILINE
-    )
-    if page.file.src_uri == "index.md":  # one film of an impact is enough there
-        text = re.sub(
-            rf"^!\[[^]]*\]\([^)]*\)\n\n(?={film.pattern})", "", text, flags=re.M
-        )
-    text = film.sub(frame, text)
+    if is_first:
+        page.meta |= {"title": QUESTION, "hide": ["navigation", "toc"]}
+        text = first_screen(text)
+    text = FILM.sub(lambda found: frame(found, "" if is_first else "../"), text)
     return with_repository(text, config.extra.get("repository"))
+
+
+def first_screen(text: str) -> str:
+    """Return the README with its beginning as the first screen of the site: a question,
+    what the program does and its two commands, beside a film to play with."""
+    head, rest = text.split("\n## ", 1)
+    film = FILM.search(head)
+    words = re.sub(r"^!\[[^]]*\]\([^)]*\)$", "", head, flags=re.MULTILINE)
+    words = FILM.sub("", SITE.sub("", words))
+    words = words.replace("# taichi_disk\n", f"# {QUESTION}\n")
+    parts = [
+        '<div class="first-screen" markdown>',
+        f"<div markdown>\n\n{words.strip()}\n\n</div>",
+        frame(film, ""),
+        f"</div>\n\n## {rest}",
+    ]
+    return "\n\n".join(parts)
+
+
+def frame(link: re.Match[str], folder: str) -> str:
+    """Return a frame that shows the film of a `link`. Forges show no frames, so there
+    the link remains a link."""
+    title, path = link.groups()
+    return f'<iframe class="film" title="{title}" src="{folder}{path}"></iframe>'
 
 
 def with_repository(text: str, repository: str | None) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import os
 import re
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).parents[2]
 PAGES = [
@@ -100,6 +102,43 @@ def test_folders_are_links_if_the_repository_has_a_page(site: Any) -> None:
     assert "[`CSV files`](https://forge.org/disk/tree/HEAD/docs/data)" in linked
 
 
+def test_the_first_screen_has_the_question_the_commands_and_a_film_to_play_with(
+    site: Any,
+) -> None:
+    shown = site.first_screen(
+        (ROOT / "README.md").read_text("utf-8").replace("](docs/", "](")
+    )
+    first, rest = shown.split("\n</div>\n\n## ", 1)
+    assert first.count(f"# {site.QUESTION}") == 1 and "# taichi_disk" not in first
+    assert ".venv/bin/taichi-disk run exponential_wall\n" in first
+    assert '<iframe class="film"' in first and 'src="films/impact.html"' in first
+    # Links to the site and pictures of the film are for forges.
+    assert "deployments" not in shown and "download" not in first
+    assert "![" not in first and "<iframe" not in rest
+
+
+def test_forges_offer_films_as_files_and_the_site_plays_them(site: Any) -> None:
+    for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
+        text = page.read_text("utf-8").replace("](docs/", "](")
+        links = re.findall(r"^.*\(films/\w+\.html\).*$", text, re.MULTILINE)
+        for line in links:
+            assert line.endswith(" (download, then open)"), page
+            assert site.FILM.fullmatch(line), page
+
+
+def test_the_site_is_published_by_the_forge_s_own_actions_without_secrets() -> None:
+    flow = yaml.safe_load((ROOT / ".github/workflows/site.yml").read_text("utf-8"))
+    (job,) = flow["jobs"].values()
+    used = [step["uses"] for step in job["steps"] if "uses" in step]
+    assert used and all(action.startswith("actions/") for action in used)
+    assert "secrets" not in json.dumps(flow)
+    (build,) = [one for one in job["steps"] if "mkdocs" in one.get("run", "")]
+    assert build["run"] == "mkdocs build --strict"
+    # The address of the site stands in one place.
+    assert build["env"]["SITE_URL"] == "${{ steps.pages.outputs.base_url }}/"
+    assert 'site_url: !ENV [SITE_URL, ""]' in (ROOT / "mkdocs.yml").read_text("utf-8")
+
+
 @pytest.mark.validate
 def test_the_site_is_built_fetches_nothing_and_finds_what_a_reader_looks_for(
     tmp_path: Path,
@@ -114,13 +153,24 @@ def test_the_site_is_built_fetches_nothing_and_finds_what_a_reader_looks_for(
         "--site-dir",
         str(tmp_path),
     ]
-    done = subprocess.run(call, cwd=ROOT, capture_output=True, text=True)
+    address = {"SITE_URL": "https://forge.org/disk/"}
+    done = subprocess.run(
+        call, cwd=ROOT, env=os.environ | address, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr[-3000:]
+    assert "<loc>https://forge.org/disk/model/</loc>" in (
+        tmp_path / "sitemap.xml"
+    ).read_text("utf-8")
+    first = (tmp_path / "index.html").read_text("utf-8")
+    assert re.findall("<title>(.*)</title>", first)[0].count("taichi_disk") == 1
+    assert first.count("<h1") == 1 and first.count("images/logo.svg") >= 2
     for page in tmp_path.rglob("*.html"):
         text = page.read_text("utf-8")
-        assert not re.search(r'<(?:script|link|img)[^>]+(?:src|href)="https?:', text), (
-            page
-        )
+        # The address of the page itself is not fetched.
+        fetched = re.sub('<link rel="(canonical|prev|next)"[^>]*>', "", text)
+        assert not re.search(
+            r'<(?:script|link|img)[^>]+(?:src|href)="https?:', fetched
+        ), page
         assert 'class="arithmatex"' not in text, page
     assert "<math" in (tmp_path / "model/index.html").read_text("utf-8")
     assert (tmp_path / "reference/index.html").exists()
