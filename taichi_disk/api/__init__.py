@@ -173,15 +173,16 @@ class Result(Outcome):
         each access."""
         return self.state(greatest_compression(self.series))
 
-    def field(self, name: str, t: float, at: str = "own") -> Field:
-        """Return the quantity `name` at time `t` [R/c]; see `taichi_disk.fields.field`
-        for the names.
+    def field(self, name: str, t: float | str = "greatest", at: str = "own") -> Field:
+        """Return the quantity `name` at the moment `t`, as for `film`; see
+        `taichi_disk.fields.field` for the names.
 
         at: "own" for values on the triangles, springs or points that the quantity
         belongs to; "points" for values (n,) at the points, as in pictures. Raises
-        InputError for an unknown name or place, or a time outside the run.
+        InputError for an unknown name or place, or a moment outside the run.
         """
         from taichi_disk.fields import QUANTITIES, field
+        from taichi_disk.render.moments import time_of
 
         if name not in QUANTITIES:
             raise InputError(f"no quantity {name!r}; there are {', '.join(QUANTITIES)}")
@@ -190,7 +191,7 @@ class Result(Outcome):
                 'at: must be "own" (values on triangles or springs) or "points", not'
                 f" {at!r}"
             )
-        _, x, v = self.state(t)
+        _, x, v = self.state(time_of(t, self.series))
         return field(name, self.lattice, self.scenario.model.springs, x, v, at)
 
     def modes(self, count: int = 40) -> Modes:

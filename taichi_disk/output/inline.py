@@ -9,6 +9,7 @@ from html import escape
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
+from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from taichi_disk.errors import TaichiDiskError, pip_install
@@ -29,6 +30,11 @@ CARD_WIDTH = 560.0
 
 class Plot(Figure):
     """A Matplotlib figure that a notebook shows without pyplot."""
+
+    def savefig(self, *arguments: Any, **options: Any) -> None:
+        # publishers refuse fonts of Matplotlib's default type, 3
+        with rc_context({"pdf.fonttype": 42, "ps.fonttype": 42}):
+            super().savefig(*arguments, **options)
 
     def _repr_png_(self, dpi: float | str = "figure") -> bytes:
         buffer = BytesIO()

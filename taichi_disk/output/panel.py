@@ -16,19 +16,17 @@ Picture = NDArray[np.uint8]
 Box = tuple[int, int, int, int]
 
 # Distances are in units of the size of the titles' letters.
-_TOP = 2.3
-_BETWEEN = 2.5
-_BOTTOM = 3.7
 _LEFT = 2.9
 _RIGHT = 1.0
+_ABOVE = (2.3, 2.5, 2.5)  # space above the axes
+_BOTTOM = 3.7
+_NAMES_ROW = 1.15  # height of a row of names above the energies
 _TITLE_ABOVE = 0.6  # baseline of a title above its axes
 _TICK_LETTERS = 0.9
 _LINE = 0.15  # width of a curve
+_NAME = 4.0  # width of a short name with its line
 _POWERS = (-1, 2)  # powers of ten from -1 to 2 are not factored out
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_STEP = 3  # distance of places that are tried for a name [px]
-_CLEAR = 0.2  # least distance of a name to a curve
-_FAR = 2.0  # a larger distance to other curves is no better
 
 
 @dataclass(frozen=True)
@@ -60,15 +58,11 @@ class PanelPictures:
     Attributes:
         coming, past: pictures (height, width, 4) with grey and with coloured curves.
         boxes: left, right, top and bottom of each pair of axes [px].
-        rows: of each curve, its row [px] at each column of the axes.
-        names: left, right, top and bottom of the names of curves [px].
     """
 
     coming: Picture
     past: Picture
     boxes: list[Box]
-    rows: list[Array]
-    names: list[Box]
 
 
 # Colours of curves on a dark ground.
@@ -108,145 +102,100 @@ def draw_panel(scene: PanelScene) -> PanelPictures:
     with matplotlib_style(_style(scene)):
         figure = Figure(figsize=size, dpi=72.0)
         canvas = FigureCanvasAgg(figure)
-        axes = _axes(figure, scene)
+        boxes = _boxes(scene)
+        axes = [_axes(figure, scene, panel, box) for panel, box in enumerate(boxes)]
         lines = []
         for curve in scene.curves:
-            coming = scene.colours["coming"]
-            lines += axes[curve.panel].plot(scene.t, curve.values, color=coming)
-        rows = [_rows(line, height) for line in lines]
-        boxes = [_box(ax, height) for ax in axes]
-        names = _write_names(figure, scene, boxes[2], rows)
+            lines += axes[curve.panel].plot(
+                scene.t,
+                curve.values,
+                color=curve.colour,
+                linestyle=curve.style,
+                label=curve.name,
+            )
+        _add_names(axes[-1], scene)
+        for line in lines:
+            line.set_color(scene.colours["coming"])
         canvas.draw()
         image = np.asarray(canvas.buffer_rgba())
-        grey = image.copy()
+        coming = image.copy()
         # draws only the curves again, which takes a tenth of the time
         for curve, line in zip(scene.curves, lines, strict=True):
             line.set_color(curve.colour)
             line.axes.draw_artist(line)
-        return PanelPictures(grey, image.copy(), boxes, rows, names)
+        return PanelPictures(coming, image.copy(), boxes)
 
 
-def _axes(figure: Any, scene: PanelScene) -> Any:
-    """Return the axes, without their curves."""
-    from matplotlib.ticker import FuncFormatter, MaxNLocator
-
-    axes = figure.subplots(
-        len(PANEL_HEIGHTS),
-        sharex=True,
-        height_ratios=PANEL_HEIGHTS,
-        gridspec_kw=_margins(scene),
-    )
-    plain = FuncFormatter(lambda value, _: f"{value:.6g}".replace("-", "−"))
-    inks = [scene.curves[0].colour, scene.colours["ink"], scene.colours["ink"]]
-    for ax, label, ink in zip(axes, scene.labels, inks, strict=True):
-        ax.xaxis.set_major_formatter(plain)
-        ax.yaxis.set_major_formatter(plain)
-        ax.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 3, 5, 10]))
-        ax.set_title(label.replace("  ", " "), color=ink)
-    axes[-1].xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10], prune="both"))
-    axes[-1].set_xlabel(scene.time_label.replace("  ", " "))
-    return axes
+def _rows_of_names(scene: PanelScene) -> int:
+    names = [curve.name for curve in scene.curves if curve.name]
+    width, _ = scene.size
+    room = width / scene.letter - _LEFT - _RIGHT
+    # long names together take the room of one more
+    return math.ceil(len(names) / max(int(room / _NAME) - 1, 1))
 
 
-def _margins(scene: PanelScene) -> dict[str, float]:
-    """Return where the axes begin and end, and the space between them, as fractions of
-    the figure and of the mean height of the axes."""
+def _boxes(scene: PanelScene) -> list[Box]:
+    """Return where the axes stand, from top to bottom."""
     letter = scene.letter
     width, height = scene.size
-    room = height - (_TOP + 2 * _BETWEEN + _BOTTOM) * letter
-    mean_height = room / len(PANEL_HEIGHTS)
-    return {
-        "left": _LEFT * letter / width,
-        "right": 1.0 - _RIGHT * letter / width,
-        "top": 1.0 - _TOP * letter / height,
-        "bottom": _BOTTOM * letter / height,
-        "hspace": _BETWEEN * letter / mean_height,
-    }
+    above = np.array(_ABOVE)
+    above[-1] += _NAMES_ROW * _rows_of_names(scene)
+    room = height - letter * (above.sum() + _BOTTOM)
+    high = room * np.array(PANEL_HEIGHTS) / sum(PANEL_HEIGHTS)
+    bottoms = np.rint(np.cumsum(letter * above + high)).astype(int)
+    tops = np.rint(bottoms - high).astype(int)
+    left = round(_LEFT * letter)
+    right = round(width - _RIGHT * letter)
+    return [(left, right, *rows) for rows in np.stack([tops, bottoms], axis=1).tolist()]
 
 
-def _rows(line: Any, height: int) -> Array:
-    """Return the row of a curve at each column of its axes [px]."""
-    line.axes.get_ylim()  # lets Matplotlib choose the limits
-    columns, rows = line.axes.transData.transform(line.get_xydata()).T
-    left, right, _, _ = _box(line.axes, height)
-    return np.interp(np.arange(left, right), columns, height - rows)
+def _axes(figure: Any, scene: PanelScene, panel: int, box: Box) -> Any:
+    """Return axes without their curves."""
+    from matplotlib.ticker import FuncFormatter, MaxNLocator
+
+    left, right, top, bottom = box
+    width, height = scene.size
+    wide = (right - left) / width
+    high = (bottom - top) / height
+    ax = figure.add_axes((left / width, 1.0 - bottom / height, wide, high))
+    ax.set_xlim(scene.t[0], scene.t[-1])
+    plain = FuncFormatter(lambda value, _: f"{value:.6g}".replace("-", "−"))
+    ax.xaxis.set_major_formatter(plain)
+    ax.yaxis.set_major_formatter(plain)
+    ax.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10], prune="both"))
+    ax.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 3, 5, 10]))
+    title = ax.set_title(scene.labels[panel].replace("  ", " "))
+    texts = [title]
+    if panel == 0:
+        title.set_color(scene.curves[0].colour)
+    if panel < len(PANEL_HEIGHTS) - 1:
+        ax.tick_params(labelbottom=False)
+    else:
+        texts.append(ax.set_xlabel(scene.time_label.replace("  ", " ")))
+    for text in texts:
+        wide = text.get_window_extent().width
+        text.set_fontsize(text.get_fontsize() * min((right - left) / wide, 1.0))
+    return ax
 
 
-def _box(ax: Any, height: int) -> Box:
-    left, bottom, right, top = ax.get_window_extent().extents
-    return round(left), round(right), round(height - top), round(height - bottom)
-
-
-# ---- names of the energies
-
-
-def _write_names(
-    figure: Any, scene: PanelScene, box: Box, rows: list[Array]
-) -> list[Box]:
-    """Write each name beside its curve in the axes `box`, where it is far from the
-    others; if there is no such place, in the line of the title. Return the boxes of the
-    names."""
-    named = [k for k, curve in enumerate(scene.curves) if curve.name]
-    named.sort(key=lambda k: -float(np.ptp(rows[k])))
-    left, beyond, top, _ = box
-    _, height = scene.size
-    letter = _TICK_LETTERS * scene.letter
-    names: list[Box] = []
-    edges: list[Array] = []  # of the names, like `rows`
-    for k in named:
-        curve = scene.curves[k]
-        text = figure.text(0, 0, curve.name, color=curve.colour, transform=None)
-        wide = math.ceil(text.get_window_extent().width)
-        others = [rows[other] for other in named if other != k]
-        place = _place(rows[k], [*others, *edges], (wide, letter), box)
-        if place is None:
-            x = beyond - wide
-            baseline = top - _TITLE_ABOVE * scene.letter
-            beyond = round(x - letter)
-        else:
-            x, baseline = place
-        text.set_position((x, height - baseline))
-        high = round(baseline - 0.85 * letter)
-        low = round(baseline + 0.25 * letter)
-        names.append((x, x + wide, high, low))
-        first = max(round(x - left - letter), 0)
-        for row in (high, low):
-            edge = np.full(len(rows[k]), np.inf)
-            edge[first : round(x - left + wide + letter)] = row
-            edges.append(edge)
-    return names
-
-
-def _place(
-    own: Array, others: list[Array], size: tuple[int, float], box: Box
-) -> tuple[int, float] | None:
-    """Return the best column and baseline [px] for a name of `size` (width, letter)
-    beside the curve `own`; None if it would cross something everywhere."""
-    wide, letter = size
-    left, _, top, bottom = box
-    first = np.arange(round(0.3 * letter), len(own) - wide, _STEP)
-    if not len(first):
-        return None
-    columns = first[:, None] + np.arange(wide)
-    mine = own[columns]
-    above = mine.min(axis=1) - 0.45 * letter
-    below = mine.max(axis=1) + 1.15 * letter
-    baselines = np.stack([above, below])
-    high = baselines - 0.85 * letter
-    low = baselines + 0.2 * letter
-    room = np.full(baselines.shape, _FAR * letter)
-    for rows in others:
-        near = rows[columns]
-        apart = np.maximum(high[..., None] - near, near - low[..., None])
-        room = np.minimum(room, apart.min(axis=-1))
-    lowness = (baselines - top) / (bottom - top)
-    cost = np.ptp(mine, axis=1) - room + 0.5 * letter * lowness
-    is_outside = (high < top - 0.5 * letter) | (low > bottom)
-    cost[is_outside | (room < _CLEAR * letter)] = np.inf
-    side, best = np.unravel_index(cost.argmin(), cost.shape)
-    if np.isinf(cost[side, best]):
-        return None
-    return left + int(first[best]), float(baselines[side, best])
+def _add_names(ax: Any, scene: PanelScene) -> None:
+    """Write the names of the energies below the title, with their lines."""
+    rows = _rows_of_names(scene)
+    pad = (_TITLE_ABOVE + _NAMES_ROW * rows) * scene.letter
+    ax.set_title(ax.get_title("left"), pad=pad)
+    ax.legend(
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=math.ceil(len(ax.lines) / rows),
+        labelcolor="linecolor",
+        handlelength=1.2,
+        handletextpad=0.3,
+        columnspacing=0.6,
+        borderpad=0.0,
+        borderaxespad=0.3,
+        labelspacing=0.2,
+        fontsize="medium",
+    )
 
 
 def _style(scene: PanelScene) -> dict[Any, Any]:
@@ -267,6 +216,7 @@ def _style(scene: PanelScene) -> dict[Any, Any]:
         "axes.labelpad": 0.2 * letter,
         "xtick.major.size": 0.0,
         "ytick.major.size": 0.0,
+        "text.color": colours["ink"],
         "axes.labelcolor": colours["ink"],
         "xtick.color": colours["ink"],
         "ytick.color": colours["ink"],

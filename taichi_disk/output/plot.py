@@ -38,11 +38,22 @@ STYLE: dict[Any, Any] = {
     "lines.linewidth": 1.4,
     "legend.frameon": False,
     "legend.fontsize": 8.5,
+    # publishers refuse fonts of Matplotlib's default type, 3
+    "pdf.fonttype": 42,
+    "ps.fonttype": 42,
 }
 LINE = VELOCITY  # of the main curve
 INK = "#1A1A1E"  # of the wall's force
 MARK = "0.45"
 SUM = "#222222"
+# Styles of lines whose colours colour-blind readers confuse with those of solid ones.
+STYLES = {
+    "wall": "--",
+    "dissipated": "--",
+    "load": ":",
+    "sliding": ":",
+    "friction": ":",
+}
 # curves end when the kinetic energy falls below this fraction of its maximum
 # (amplitude: 1e-4)
 AT_REST = 1e-8
@@ -72,12 +83,13 @@ def matplotlib_style(style: dict[Any, Any]) -> Iterator[None]:
 @dataclass(frozen=True)
 class TimeCurve:
     """A curve over time: its panel (0: motion, 1: force, 2: energies), values (rows,),
-    name and colour."""
+    name, colour and Matplotlib's style of its line."""
 
     panel: int
     values: Array
     name: str
     colour: str
+    style: str = "-"
 
 
 def curves(scenario: Scenario, columns: Columns) -> list[TimeCurve]:
@@ -101,7 +113,8 @@ def curves(scenario: Scenario, columns: Columns) -> list[TimeCurve]:
                 continue
             values = values - values[0]
         if np.abs(values).max() > VISIBLE_ENERGY * largest:
-            found.append(TimeCurve(2, values, column.label, column.colour))
+            style = STYLES.get(name, "-")
+            found.append(TimeCurve(2, values, column.label, column.colour, style))
     return found
 
 
@@ -226,7 +239,13 @@ def _draw_run(figure: Any, scene: PlotScene) -> None:
         ax.set_ylabel(label)
     for curve in scene.curves:
         ax = axes[curve.panel]
-        ax.plot(t, curve.values, color=curve.colour, label=curve.name)
+        ax.plot(
+            t,
+            curve.values,
+            color=curve.colour,
+            linestyle=curve.style,
+            label=curve.name,
+        )
     _mark_vibration(energies, columns)
     result_mark, force_mark = (mark.format(**scene.numbers) for mark in words.marks)
     _mark(motion, scene.curves[0].values, result_mark, side="right")
@@ -239,7 +258,7 @@ def _draw_run(figure: Any, scene: PlotScene) -> None:
         color="0.2",
     )
     everything = columns["total"] - columns["load"][0]
-    dashes = (0, (4, 2))
+    dashes = (0, (8, 2))
     energies.plot(t, everything, color=SUM, linestyle=dashes, label="sum of all")
     energies.legend(
         loc="lower center",
@@ -291,9 +310,15 @@ def _draw_loading(figure: Any, scene: PlotScene) -> None:
     _mark(force, load, words.marks[0].format(**scene.numbers), side="left")
     for name in ("elastic", "wall"):
         column = BY_NAME[name]
-        energy.plot(xi, columns[name], label=column.label, color=column.colour)
+        energy.plot(
+            xi,
+            columns[name],
+            label=column.label,
+            color=column.colour,
+            linestyle=STYLES.get(name, "-"),
+        )
     stored = columns["elastic"] + columns["wall"]
-    dashes = (0, (4, 2))
+    dashes = (0, (8, 2))
     energy.plot(xi, stored, color=SUM, linestyle=dashes, label="sum: work of the load")
     force.set_ylabel("load P  [Mc²/R]")
     energy.set(xlabel=words.motion, ylabel=ENERGY_LABEL)

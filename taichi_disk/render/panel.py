@@ -13,7 +13,7 @@ from taichi_disk.output.panel import ON_DARK, PanelScene, draw_panel, factored
 from taichi_disk.output.plot import axis_labels, curves, last_motion
 from taichi_disk.render.moments import Run, contact_of
 from taichi_disk.render.palette import THEMES
-from taichi_disk.render.words import Letters
+from taichi_disk.render.words import Letters, ink
 
 _WIDTH = 7 / 9  # over the height: with one disk, a film is 16 : 9
 _BESIDE_CONTACT = 0.32  # shown before and after a contact, over its duration
@@ -21,9 +21,6 @@ _COMING = {"light": "#B8B8B7", "dark": "#54575E"}
 # Sizes are [px] in a picture of 720 pixels.
 _LETTER = 20.0
 _CURSOR = 2.0
-# radius of a dot, and width of the rim around it
-_DOT = 5.0
-_RIM = 1.2
 
 
 def panel_scene(run: Run, letters: Letters, theme: str) -> PanelScene:
@@ -70,23 +67,17 @@ class Panel:
     def __init__(self, artist: Artist, scene: PanelScene) -> None:
         """Let `artist` begin to draw the curves of `scene`."""
         self.width, height = scene.size
-        unit = height / 720
-        self._scene = scene
+        self._times = scene.t
         self._drawn = lru_cache(artist.begin(draw_panel, scene))
-        self._cursor = max(round(_CURSOR * unit), 1)
-        # A dot and its rim cover parts of the pixels of a square.
-        reach = round(_DOT * unit) + 4
-        places = np.arange(-reach, reach + 1)
-        distances = np.hypot(places[:, None], places)[..., None]
-        radius = max(_DOT * unit, 2.5)
-        self._disc = np.clip(radius + 0.5 - distances, 0.0, 1.0)
-        self._rimmed = np.clip(radius + _RIM + 0.5 - distances, 0.0, 1.0)
+        self._cursor = max(round(_CURSOR * height / 720), 1)
+        self._ink = ink(scene.colours["faint"])
 
     def draw(self, picture: NDArray[np.uint8], t: float) -> None:
-        """Draw the curves up to `t` [R/c] into `picture` (height, width, 4)."""
+        """Draw the curves up to `t` [R/c] into `picture` (height, width, 4), and a line
+        there."""
         drawn = self._drawn()
         left, right, _, _ = drawn.boxes[0]
-        start, *_, end = self._scene.t
+        start, *_, end = self._times
         column = left + round((right - left - 1) * (t - start) / (end - start))
         past = max(column, 0)
         if column >= right:
@@ -94,25 +85,5 @@ class Panel:
         picture[:, :past] = drawn.past[:, :past]
         picture[:, past:] = drawn.coming[:, past:]
         if left <= column < right:
-            columns = slice(column, column + self._cursor)
-            colour = np.rint(255.0 * np.array(self._scene.colours["faint"]))
             for _, _, top, bottom in drawn.boxes:
-                picture[top:bottom, columns, :3] = colour
-            # The line of the present moment is behind the names of curves.
-            for first, last, top, bottom in drawn.names:
-                if first <= columns.stop and columns.start <= last:
-                    picture[top:bottom, columns] = drawn.past[top:bottom, columns]
-            for curve, rows in zip(self._scene.curves, drawn.rows, strict=True):
-                self._draw_dot(picture, column, rows[column - left], curve.colour)
-
-    def _draw_dot(
-        self, picture: NDArray[np.uint8], column: int, row: float, colour: str
-    ) -> None:
-        size = len(self._disc)
-        top = round(float(row)) - size // 2
-        first = column - size // 2
-        patch = picture[top : top + size, first : first + size, :3]
-        ground = 255.0 * np.array(self._scene.colours["ground"])
-        ink = np.array([*bytes.fromhex(colour[1:])])
-        rim = (self._rimmed - self._disc) * ground
-        patch[...] = np.rint((1.0 - self._rimmed) * patch + (rim + self._disc * ink))
+                picture[top:bottom, column : column + self._cursor, :3] = self._ink

@@ -3,31 +3,45 @@
 from __future__ import annotations
 
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import LineCollection, TriMesh
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.tri import Triangulation
+from matplotlib.tri import (
+    LinearTriInterpolator,
+    Triangulation,
+    UniformTriRefiner,
+)
 
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import InputError
-from taichi_disk.fields import QUANTITIES
+from taichi_disk.fields import QUANTITIES, Triangles, at_points
 from taichi_disk.output.inline import Plot
 from taichi_disk.output.plot import STYLE, matplotlib_style
-from taichi_disk.render.film import painter_of
-from taichi_disk.render.geometry import Shape, View, wall_body
 from taichi_disk.render.moments import Run, Span, still_cue
-from taichi_disk.render.painter import Painter
-from taichi_disk.render.palette import THEMES
+from taichi_disk.render.palette import THEMES, colour_map, map_kind
 from taichi_disk.render.recording import Flight, Recording, Scales
 
-_SPRING_WIDTH = 0.3  # [points]
-_OUTLINE_WIDTH = 0.9  # [points]
-_SPRING_OPACITY = 0.25
-_LEVELS = 512  # colours of the bar
+# widths of lines [points]
+_SPRINGS: dict[str, Any] = {"linewidth": 0.3, "alpha": 0.25}
+_OUTLINE = 0.9
+# approximate number of triangles of fringes
+_FRINGE_PARTS = 30_000
+# what has the colour of the axes' letters
+_INKED = (
+    "text.color",
+    "axes.labelcolor",
+    "axes.edgecolor",
+    "xtick.color",
+    "ytick.color",
+)
+# what was drawn on axes, and the axes of their colour bar
+_ARTISTS: WeakKeyDictionary[Axes, set[Artist]] = WeakKeyDictionary()
+_BARS: WeakKeyDictionary[Axes, Axes] = WeakKeyDictionary()
 
 
 def draw_state(
@@ -36,8 +50,9 @@ def draw_state(
     """Draw the state of `run` at the moment `t` on `ax`, or on the axes of a new
     figure; return the figure.
 
-    Colours and their scale are those of a picture of that moment. Raises InputError for
-    a moment outside the run, or if `ax` is something else.
+    Colours and their scale are those of a picture of that moment. A state that was
+    drawn on `ax` before is replaced. Raises InputError for a moment outside the run, or
+    if `ax` is something else.
     """
     if not (ax is None or isinstance(ax, Axes)):
         raise InputError(
@@ -45,124 +60,93 @@ def draw_state(
         )
     cue = still_cue(run, Span(at=t))
     states = Recording(Flight.of(run, 0.0), [cue.t], [video.colour])
-    _, x, v = next(states.states())
-    with matplotlib_style(STYLE):
+    style = STYLE
+    if ax is not None:
+        style = STYLE | dict.fromkeys(_INKED, ax.xaxis.label.get_color())
+    with matplotlib_style(style):
         if ax is None:
             figure = Plot(figsize=(5.2, 4.2), dpi=160, layout="constrained")
             FigureCanvasAgg(figure)
             ax = figure.subplots()
+        for artist in _ARTISTS.get(ax, set()).intersection(ax.get_children()):
+            artist.remove()
+        others = ax.get_children()
+        _draw(ax, states, video)
+        _ARTISTS[ax] = set(ax.get_children()).difference(others)
         name, _, unit = run.scenario.words.time.partition("  ")
         title = f"{name} = {cue.t:.4g} {unit.strip('[]')}".strip()
-        common = Scales.of([states], 1.0)
-        _draw(ax, common.view, painter_of(states, video, common), x, v)
         ax.set(xlabel="x  [R]", ylabel="y  [R]", title=title)
-        whole: Any = ax.figure
+        whole: Any = ax.figure.figure  # also of a part of a figure
         whole.draw_without_rendering()
     return whole
 
 
-def _draw(ax: Axes, view: View, painter: Painter, x: Any, v: Any) -> None:
-    painter.draw = "both"  # "springs" would leave the field without colours
-    theme = THEMES[painter.theme]
-    xmin, xmax, ymin, ymax = view
-    ax.set(xlim=(xmin, xmax), ylim=(ymin, ymax), aspect="equal", facecolor=theme.ground)
-    ax.grid(visible=False)
-    haze, solid = _wall(painter, x, view)
-    _add_mesh(ax, *haze, order=1.0)
-    _draw_field(ax, painter, x, v)
-    if painter.colour != "fringes":
-        springs = x[painter.lattice.bonds]
-        _add_lines(ax, springs, theme.ink, _SPRING_WIDTH, 3.0, alpha=_SPRING_OPACITY)
-    sides = np.concatenate([painter.triangles.outline, painter.triangles.interfaces])
-    _add_lines(ax, x[sides], theme.ink, _OUTLINE_WIDTH, 4.0)
-    _add_mesh(ax, *solid, order=5.0)
-    if not painter.has_elastic_wall:
-        _name_wall(ax, painter, xmin)
+def _draw(axes: Any, states: Recording, video: VideoSection) -> None:
+    """Draw coloured triangles, springs, outlines, and a rigid wall up to its drawn
+    edge."""
+    _, x, v = next(states.states())
+    scenario = states.run.scenario
+    triangles = Triangles(scenario.lattice)
+    theme = THEMES[video.theme]
+    limit = states.limits[video.colour]
+    values = at_points(video.colour, triangles, scenario.model.springs, x, v)
+    mesh = Triangulation(x[:, 0], x[:, 1], triangles.triangles)
+    scale = _scale(video, limit)
+    if video.colour == "fringes":
+        mesh, values = _refined(mesh, values / limit)
+        last = max(np.ceil(values.max()), 1.0)
+        brightness = np.sin(np.pi * np.linspace(0.0, last, 1000)) ** 2
+        colours = scale["cmap"](brightness)
+        scale = {"cmap": ListedColormap(colours), "vmin": 0.0, "vmax": last}
+    xmin, xmax, ymin, ymax = Scales.of([states], 1.0).view
+    axes.set(xlim=(xmin, xmax), ylim=(ymin, ymax), aspect="equal")
+    axes.set_facecolor(theme.ground)
+    axes.grid(visible=False)
+    field = axes.tripcolor(mesh, values, shading="gouraud", **scale)
+    if video.colour != "fringes":
+        axes.triplot(*x.T, triangles.triangles, color=theme.ink, **_SPRINGS)
+    sides = np.concatenate([triangles.outline, triangles.interfaces])
+    axes.plot(*x[sides].transpose(2, 1, 0), color=theme.ink, linewidth=_OUTLINE)
+    if not len(scenario.lattice.wall_surface):
+        axes.axhspan(ymin, states.edge, color=theme.wall, zorder=3.0)
+    _add_bar(axes, field, _label(video, limit))
 
 
-def _draw_field(ax: Axes, painter: Painter, x: Any, v: Any) -> None:
-    """Draw the coloured quantity with its colour bar."""
-    values = painter.normalised(painter.values(x, v))
-    points, parts, corners = painter.mesh(x, values)
-    last_part = 1.0
-    if painter.colour == "fringes":
-        last_part = max(np.ceil(parts.max()), 1.0)
-        low = 0.0
-        high = last_part  # the order of the last fringe
-        extend = "neither"
-    elif painter.signed:
-        low = -painter.limit
-        high = painter.limit
-        extend = "both"
-    else:
-        low = 0.0
-        high = painter.limit
-        extend = "max"
-    colours: Any = painter.colours(np.linspace(0.0, last_part, _LEVELS))
-    axes: Any = ax
-    field = axes.tripcolor(
-        Triangulation(points[:, 0], points[:, 1], corners),
-        low + (high - low) * parts / last_part,
-        shading="gouraud",
-        cmap=ListedColormap(colours),
-        vmin=low,
-        vmax=high,
-        zorder=2.0,
-    )
-    figure: Any = ax.figure
-    figure.colorbar(field, ax=ax, label=_label(painter), shrink=0.8, extend=extend)
+def _scale(video: VideoSection, limit: float) -> dict[str, Any]:
+    """Return Matplotlib's scale of colours from -`limit` or 0 to `limit`."""
+    low = -limit if QUANTITIES[video.colour].signed else 0.0
+    colours = list(colour_map(video.theme, map_kind(video.colour)))
+    return {"cmap": ListedColormap(colours), "vmin": low, "vmax": limit}
 
 
-def _wall(painter: Painter, x: Any, view: View) -> tuple[Shape, Shape]:
-    xmin, xmax, ymin, _ = view
-    theme = THEMES[painter.theme]
-    chain = np.array([(xmin, 0.0), (xmax, 0.0)])
-    depth = -ymin
-    if painter.has_elastic_wall:
-        chain = x[painter.lattice.wall_surface]
-        depth = 0.0
-    return wall_body(chain, depth, painter.edge, painter.wall.decay_length, theme)
-
-
-def _name_wall(ax: Axes, painter: Painter, left: float) -> None:
-    """Name the wall's drawn edge: its surface, y = 0, lies below."""
-    ax.annotate(
-        f"wall, a = {1.0 / painter.wall.decay_length:.4g}/R",
-        (left, painter.edge),
-        (4, -3),
-        textcoords="offset points",
-        va="top",
-        fontsize="small",
-        color=THEMES[painter.theme].ink,
-        zorder=6.0,
+def _refined(mesh: Triangulation, values: Any) -> tuple[Triangulation, Any]:
+    """Divide triangles, in which colours vary linearly, where there are few."""
+    divisions = 0.5 * np.log2(_FRINGE_PARTS / len(mesh.triangles))
+    linear = LinearTriInterpolator(mesh, values)
+    return UniformTriRefiner(mesh).refine_field(
+        values, linear, subdiv=max(round(divisions), 0)
     )
 
 
-def _add_lines(
-    ax: Axes, ends: Any, colour: Any, width: float, order: float, alpha: float = 1.0
-) -> None:
-    lines = LineCollection(
-        list(ends), colors=colour, linewidths=width, alpha=alpha, zorder=order
-    )
-    ax.add_collection(lines, autolim=False)
+def _add_bar(axes: Any, field: Any, label: str) -> None:
+    """Draw the colour bar in the place of an older one, which would else make the axes
+    smaller each time."""
+    place = _BARS.get(axes)
+    if place not in axes.figure.axes:  # a cleared figure has none
+        place = None
+    if place is not None:
+        place.clear()
+    bar = axes.figure.colorbar(field, place, axes, label=label, shrink=0.8)
+    _BARS[axes] = bar.ax
 
 
-def _add_mesh(ax: Axes, points: Any, colours: Any, order: float) -> None:
-    corners = np.arange(len(points)).reshape(-1, 3)
-    mesh = TriMesh(Triangulation(points[:, 0], points[:, 1], corners), zorder=order)
-    mesh.set_facecolor(list(map(tuple, colours)))
-    ax.add_collection(mesh, autolim=False)
-
-
-def _label(painter: Painter) -> str:
-    kind = QUANTITIES[painter.colour]
-    if painter.colour == "fringes":
-        return f"fringe order; one fringe: {painter.limit:.3g} Mc²/R²"
+def _label(video: VideoSection, limit: float) -> str:
+    kind = QUANTITIES[video.colour]
+    if video.colour == "fringes":
+        return f"fringe order; one fringe: {limit:.3g} Mc²/R²"
     label = kind.label
     if kind.low:
         label += f"  ({kind.low} − … + {kind.high})"
-    if kind.on != "points":
-        label += ",\naveraged at points"  # in one line it would be cut
     if kind.unit:
         label += f"  [{kind.unit}]"
     return label

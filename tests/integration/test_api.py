@@ -14,8 +14,6 @@ from multiprocessing import get_context
 
 import numpy as np
 import pytest
-from matplotlib.collections import TriMesh
-from matplotlib.figure import Figure
 
 import taichi_disk
 from taichi_disk import Lattice, Result, load_scene, load_sweep, run, run_sweep
@@ -23,7 +21,6 @@ from taichi_disk.computation.diagnostics import BlowUp
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import OwnStart
 from taichi_disk.machine import cores
-from taichi_disk.render.palette import LEVELS, colour_map
 
 SMALL = {"lattice.points": 60, "material.eta_star": 0}
 
@@ -84,11 +81,10 @@ def test_states_are_those_of_the_time_series(result):
 
 
 def test_a_field_is_that_of_its_state(result):
-    tightest = result.series["t"][result.series["elastic"].argmax()]
-    strain = result.field("strain", tightest)
+    strain = result.field("strain")  # of the greatest compression
     assert strain.on == "springs"
     assert strain.values.shape == result.lattice.rest_lengths.shape
-    x = result.state(tightest).positions
+    x = result.greatest_compression.positions
     i, j = result.lattice.bonds.T
     expected = np.hypot(*(x[i] - x[j]).T) / result.lattice.rest_lengths - 1
     np.testing.assert_allclose(strain.values, expected, atol=1e-13)
@@ -134,43 +130,6 @@ def test_run_changes_keys_like_with_():
     assert run(scene, velocity=0.03).scene == scene.with_(velocity=0.03)
     with pytest.raises(InputError, match="velocit: unknown key"):
         run(scene, velocit=0.03)
-
-
-def test_a_state_is_drawn_in_the_colours_of_films_where_it_is(result):
-    figure = result.draw(colour="pressure")
-    axes, bar = figure.axes
-    field = max(
-        (artist for artist in axes.collections if isinstance(artist, TriMesh)),
-        key=lambda artist: len(artist.get_facecolor()),
-    )
-    state = result.greatest_compression
-    shown = result.lattice.triangles.ravel()
-    drawn = np.array([*field.get_paths()[0].vertices[:3]])
-    assert (drawn == state.positions[shown[:3]]).all()
-    values = result.field("pressure", state.t, at="points").values
-    limit = bar.get_ylim()[1]
-    places = np.clip(0.5 + 0.5 * values / limit, 0.0, 1.0) * (LEVELS - 1) + 0.5
-    table = colour_map("light", "pressure")
-    level = np.abs(np.diff(table, axis=0)).max()  # Matplotlib rounds otherwise
-    colours = table[places.astype(int)]
-    np.testing.assert_allclose(field.get_facecolor()[:, :3], colours, atol=level)
-    assert "pressure" in bar.get_ylabel()
-    assert axes.get_xlabel() == "x  [R]"
-    assert f"{state.t:.4g}" in axes.get_title()
-
-
-def test_a_state_is_drawn_on_given_axes_at_any_moment(result):
-    figure = Figure()
-    left, right = figure.subplots(1, 2)
-    assert result.draw("contact", "fringes", left) is figure
-    assert result.draw(0.0, ax=right) is figure
-    assert "time = 0 R/c" in right.get_title()
-    assert len(left.collections)
-    assert len(right.collections)
-    with pytest.raises(InputError, match="no moment"):
-        result.draw(-1.0)
-    with pytest.raises(InputError, match="did you mean pressure"):
-        result.draw(colour="presure")
 
 
 @pytest.mark.parametrize(

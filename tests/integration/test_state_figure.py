@@ -1,0 +1,111 @@
+"""A state on Matplotlib axes: where it is, in the colours of films, on any axes."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from matplotlib.collections import TriMesh
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+
+from taichi_disk import load_scene, run
+from taichi_disk.errors import InputError
+from taichi_disk.render.palette import LEVELS, colour_map
+
+
+@pytest.fixture(scope="module")
+def result():
+    return run(load_scene("exponential_wall", ["lattice.points=60"]), lattices=1)
+
+
+def meshes(axes):
+    return [artist for artist in axes.collections if isinstance(artist, TriMesh)]
+
+
+def test_a_state_is_drawn_in_the_colours_of_films_where_it_is(result):
+    figure = result.draw(colour="pressure")
+    axes, bar = figure.axes
+    (field,) = meshes(axes)
+    state = result.greatest_compression
+    drawn = np.array([*field.get_paths()[0].vertices[:3]])
+    first = result.lattice.triangles.ravel()[:3]
+    assert drawn == pytest.approx(state.positions[first])
+    values = result.field("pressure", at="points").values
+    _, limit = bar.get_ylim()
+    places = np.clip(0.5 + 0.5 * values / limit, 0.0, 1.0) * (LEVELS - 1) + 0.5
+    table = colour_map("light", "pressure")
+    level = np.abs(np.diff(table, axis=0)).max()  # Matplotlib rounds otherwise
+    colours = table[places.astype(int)]
+    seen = field.cmap(field.norm(field.get_array()))[:, :3]
+    np.testing.assert_allclose(seen, colours, atol=level)
+    assert "pressure" in bar.get_ylabel()
+    assert "compressed" in bar.get_ylabel()
+    assert axes.get_xlabel() == "x  [R]"
+    assert f"{state.t:.4g}" in axes.get_title()
+
+
+def test_a_fringe_is_bright_between_whole_orders(result):
+    figure = result.draw(colour="fringes")
+    axes, bar = figure.axes
+    (field,) = meshes(axes)
+    orders = field.get_array()
+    assert bar.get_ylim()[1] == np.ceil(orders.max())
+    light = field.cmap(field.norm(np.array([0.0, 0.5, 1.0, 1.5])))[:, :3]
+    table = colour_map("light", "fringes")
+    assert light == pytest.approx(table[[0, -1, 0, -1]], abs=0.03)
+
+
+def test_a_state_is_drawn_on_given_axes_at_any_moment(result):
+    figure = Figure()
+    left, right = figure.subplots(1, 2)
+    assert result.draw("contact", "fringes", left) is figure
+    assert result.draw(0.0, ax=right) is figure
+    assert "time = 0 R/c" in right.get_title()
+    assert len(left.collections)
+    assert len(right.collections)
+    with pytest.raises(InputError, match="no moment"):
+        result.draw(-1.0)
+    with pytest.raises(InputError, match="did you mean pressure"):
+        result.draw(colour="presure")
+
+
+@pytest.mark.parametrize("is_cleared", [False, True])
+def test_states_in_a_loop_share_one_colour_bar_and_replace_each_other(
+    result, is_cleared
+):
+    figure = Figure()
+    ax = figure.subfigures(1, 2)[0].subplots()
+    widths = []
+    for t in (0.0, "contact", "greatest"):
+        if is_cleared:
+            ax.clear()
+        result.draw(t, ax=ax)
+        widths.append(ax.get_position().width)
+    assert widths == pytest.approx(widths[:1] * 3)
+    assert len(figure.axes) == 2
+    assert len(meshes(ax)) == 1
+    figure.clear()
+    result.draw(ax=figure.subplots())
+    assert len(figure.axes) == 2
+
+
+def test_letters_beside_dark_axes_have_the_axes_colour(result):
+    with plt.style.context("dark_background"):
+        figure = Figure()
+        ax = figure.subplots()
+    result.draw(ax=ax)
+    _, bar = figure.axes
+    letters = [bar.yaxis.label, *bar.get_yticklabels(), ax.title]
+    assert {to_rgb(one.get_color()) for one in letters} == {(1.0, 1.0, 1.0)}
+
+
+def test_the_fonts_of_a_file_are_those_that_publishers_take(result, tmp_path):
+    for name, figure in (("state", result.draw()), ("plot", result.plot())):
+        for form in ("pdf", "ps"):
+            path = tmp_path / f"{name}.{form}"
+            figure.savefig(path)
+            content = path.read_bytes()
+            # type 3 draws letters as paths
+            assert b"/Type3" not in content
+            assert b"/FontType 3" not in content
