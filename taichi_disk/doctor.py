@@ -4,23 +4,24 @@ drivers may crash."""
 from __future__ import annotations
 
 import platform
-import signal
-import subprocess
+from concurrent.futures import BrokenExecutor, TimeoutError, wait
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from time import monotonic
 
 from taichi_disk import engine
 from taichi_disk.engine.environment import CACHE, cache_folder, keeps_kernels
-from taichi_disk.machine import REMEDY, cores, processor, python_command
-from taichi_disk.signals import raise_if_interrupted
+from taichi_disk.machine import REMEDY, cores, processor
+from taichi_disk.processes.pool import Pool
+from taichi_disk.scenes import load_scene
+from taichi_disk.signals import POLL_INTERVAL, raise_if_interrupted
 
-RUN = (
-    "--set=lattice.points=20",
-    "--set=material.eta_star=0",
-    "--set=video.size=64",
-    "--set=video.seconds=0.1",
-)
-_START = "from taichi_disk.__main__ import process; process()"
+SETTINGS = [
+    "lattice.points=20",
+    "material.eta_star=0",
+    "video.size=64",
+    "video.seconds=0.1",
+]
 SECONDS = 120
 _CRASHED = "crashed"
 
@@ -69,25 +70,32 @@ def examine() -> bool:
 
 
 def try_run() -> tuple[str, bool]:
-    """Run and film a small scene. Return the last line of its error output, or an empty
-    string on success, and whether there is a film."""
-    with TemporaryDirectory() as folder:
-        out = Path(folder, "run")
-        try:
-            done = subprocess.run(
-                python_command(_START, "run", "exponential_wall", f"--out={out}", *RUN),
-                capture_output=True,
-                text=True,
-                errors="replace",
-                timeout=SECONDS,
-            )
-        except subprocess.TimeoutExpired:
-            return f"no answer within {SECONDS} s", False
-        has_film = (out / "video.mp4").is_file()
-    raise_if_interrupted()
-    if done.returncode < 0:
-        return f"{_CRASHED} ({signal.Signals(-done.returncode).name})", False
-    if done.returncode > 0:
-        lines = done.stderr.strip().splitlines() or ["no message"]
-        return lines[-1].removeprefix("error: "), False
-    return "", has_film
+    """Run and film a small scene in another process. Return why that failed, or "", and
+    whether there is a film."""
+    pool = Pool(1)
+    try:
+        with TemporaryDirectory() as folder:
+            out = Path(folder, "run")
+            future = pool.submit(film_small, out, SETTINGS)
+            until = monotonic() + SECONDS
+            while not future.done() and monotonic() < until:
+                raise_if_interrupted()
+                wait([future], POLL_INTERVAL)
+            trouble = future.result(0.0)
+            return trouble, not trouble and (out / "video.mp4").is_file()
+    except TimeoutError:
+        return f"no answer within {SECONDS} s", False
+    except BrokenExecutor as error:
+        return f"{_CRASHED} ({error})", False
+    except Exception as error:
+        return str(error), False
+    finally:
+        pool.kill()
+
+
+def film_small(out: Path, settings: list[str]) -> str:
+    """Run and film a scene into `out`, and return why there is no film, or ""."""
+    from taichi_disk.api import run
+
+    result = run(load_scene("exponential_wall", settings), out, lattices=1)
+    return str(result.summary.get("video_error", ""))

@@ -1,4 +1,4 @@
-"""Processor and cores of this machine, and how another Python is started on it."""
+"""Processor and cores of this machine, and whether another Python can be started."""
 
 from __future__ import annotations
 
@@ -71,13 +71,10 @@ def processor() -> str:
     return platform.processor() or platform.machine()
 
 
-def python_command(code: str, *arguments: str) -> list[str]:
-    """Return the command that runs `code` in another Python, which finds modules where
-    this one does.
-
-    Python would search the working folder first, and run a `random.py` of the user. It
-    comes last here, and only if this process searches it, too.
-    """
-    folders = sorted(sys.path, key=lambda folder: folder == "")
-    start = f"import sys; sys.path[:] = {folders}; {code}"
-    return [sys.executable, "-c", start, *arguments]
+def can_start_python() -> bool:
+    """Return whether `sys.executable` is a Python. In an application that contains
+    Python it may be the application, which would start itself again."""
+    path = Path(sys.executable or "")
+    is_frozen = getattr(sys, "frozen", False)  # by PyInstaller and its kind
+    is_python = path.name.lower().startswith(("python", "pypy"))
+    return is_python and path.is_file() and not is_frozen

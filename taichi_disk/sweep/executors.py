@@ -13,11 +13,11 @@ from queue import Empty, SimpleQueue
 
 from taichi_disk import runtime
 from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
-from taichi_disk.machine import cores
+from taichi_disk.machine import can_start_python, cores
+from taichi_disk.processes.pool import Pool
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import lattice_key
 from taichi_disk.signals import POLL_INTERVAL, raise_if_interrupted
-from taichi_disk.sweep.pool import Pool
 from taichi_disk.sweep.work import (
     PointResult,
     Task,
@@ -80,7 +80,7 @@ def computed(
     """
     tasks = tasks_of(scenes)
     processes = min(jobs or cores(), len(tasks))
-    if executor is None and processes < 2:
+    if executor is None and (processes < 2 or not can_start_python()):
         runtime.start()
         yield from zip(scenes, compute_points(scenes.values(), estimate), strict=True)
         return

@@ -8,10 +8,10 @@ from tempfile import TemporaryDirectory
 
 from taichi_disk import runtime
 from taichi_disk.computation.outcome import compute
+from taichi_disk.processes.pool import Pool
 from taichi_disk.progress import silent
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import body_of
-from taichi_disk.sweep.pool import Pool
 from taichi_disk.web.film import film
 
 

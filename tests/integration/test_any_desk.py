@@ -67,6 +67,20 @@ if __name__ == "__main__":
     done = run_sweep(load_sweep(small), "out/a sweep", jobs=2)
     assert len(done.rows) == 4 and not done.failed
 """
+# A program that contains Python, such as Blender.
+APPLICATION = """
+import sys
+from pathlib import Path
+
+sys.executable = str(Path("application").resolve())
+from taichi_disk import load_scene, load_sweep, run, run_sweep
+
+small = {"scene": "exponential_wall", "lattice": {"points": 20}}
+run(load_scene(small), "run", video=False, lattices=1)
+done = run_sweep(load_sweep(small | {"sweep": {"seed": [0, 1]}}), "sweep", jobs=2)
+assert len(done.rows) == 2 and not done.failed
+assert Path("run", "plot.png").exists() and Path("sweep", "points.csv").exists()
+"""
 
 
 @pytest.fixture
@@ -102,6 +116,18 @@ def test_all_modules_an_impact_with_film_and_a_sweep_do_without_what_only_posix_
     if script is RUN:
         made = {path.name for path in (place / "out" / "a run").iterdir()}
         assert {"video.mp4", "plot.png", "summary.json", "scene.yaml"} <= made
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs a shell")
+def test_a_program_that_contains_python_does_not_start_itself(tmp_path):
+    application = tmp_path / "application"
+    application.write_text("#!/bin/sh\ntouch started\n")
+    application.chmod(0o700)
+    done = subprocess.run(
+        [sys.executable, "-c", APPLICATION], cwd=tmp_path, capture_output=True
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert not (tmp_path / "started").exists()
 
 
 @pytest.mark.parametrize(("name", "status"), [("größer", 0), ("γ", 2)])

@@ -39,31 +39,38 @@ def test_files_of_the_working_folder_change_nothing(tmp_path, monkeypatch, capsy
 @pytest.mark.parametrize(
     ("script", "seconds", "message"),
     [
-        ("echo note: slow >&2; echo error: no film >&2; exit 1", 60.0, "no film"),
         ("kill -SEGV $$", 60.0, "crashed (SIGSEGV)"),
         ("exec sleep 60", 0.5, "no answer within 0.5 s"),
     ],
 )
-def test_an_error_a_crash_and_a_hang_are_reported_with_the_remedy(
+def test_a_crash_and_a_hang_are_reported_with_the_remedy(
     tmp_path, monkeypatch, capsys, script, seconds, message
 ):
     python = tmp_path / "python"
-    python.write_text(f"#!/bin/bash\n{script}\n")
+    python.write_text(f"#!/bin/sh\n{script}\n")
     python.chmod(0o700)
     monkeypatch.setattr(sys, "executable", str(python))
     monkeypatch.setattr(doctor, "SECONDS", seconds)
     monkeypatch.setenv("TI_OFFLINE_CACHE_FILE_PATH", str(python / "cache"))
+    monkeypatch.setenv("HOME", str(tmp_path))
     assert main(["doctor"]) == 1
     text = capsys.readouterr().out
     remedy = f"\nNot ready: {message}\n    {doctor.REMEDY}\n"
     if "crashed" in message:
         remedy += (
             "    If that is done, the cache of kernels may be damaged: "
-            "delete the folder"
-            f" {python}/cache\n"
+            f"delete the folder {python}/cache\n"
         )
     assert text.endswith(remedy)
     assert (
         f"{python}/cache cannot be written: set TI_OFFLINE_CACHE_FILE_PATH and HOME"
         in text
     )
+
+
+def test_an_error_is_reported_with_the_remedy(monkeypatch, capsys):
+    monkeypatch.setattr(doctor, "SETTINGS", ["lattice.points=1"])
+    assert main(["doctor"]) == 1
+    message = capsys.readouterr().out.partition("\nNot ready: ")[2]
+    assert "lattice.points: must be" in message
+    assert message.endswith(f"\n    {doctor.REMEDY}\n")

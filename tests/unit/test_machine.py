@@ -9,7 +9,7 @@ from math import inf
 
 import pytest
 
-from taichi_disk.machine import cores, cpu_quota, python_command
+from taichi_disk.machine import can_start_python, cores, cpu_quota
 
 
 @pytest.mark.parametrize(
@@ -53,18 +53,31 @@ def test_an_affinity_is_respected():
         "import os; os.sched_setaffinity(0, [min(os.sched_getaffinity(0))]);"
         " from taichi_disk.machine import cores; print(cores())"
     )
-    done = subprocess.run(python_command(code), capture_output=True, text=True)
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True)
     assert done.stdout == "1\n"
 
 
-def test_another_python_runs_no_file_of_the_working_folder(tmp_path, monkeypatch):
-    (tmp_path / "random.py").write_text("print('mine')")
-    (tmp_path / "only_here.py").write_text("print('found')")
-    monkeypatch.chdir(tmp_path)
-    code = "import sys, random; print(sys.argv[1:]); import only_here"
-    for path, output in (("/", ""), ("", "found\n")):
-        monkeypatch.setattr(sys, "path", [path, *filter(None, sys.path)])
-        done = subprocess.run(
-            python_command(code, "a b", "c"), capture_output=True, text=True
-        )
-        assert done.stdout == f"['a b', 'c']\n{output}", done.stderr
+@pytest.mark.parametrize(
+    ("name", "is_python"),
+    [
+        ("python", True),
+        ("Python3.13", True),
+        ("pypy3", True),
+        ("blender", False),
+        ("qgis-bin.exe", False),
+        ("", False),
+        (None, False),
+    ],
+)
+def test_an_application_that_contains_python_is_no_python(
+    name, is_python, tmp_path, monkeypatch
+):
+    program = name
+    if name:
+        (tmp_path / name).touch()
+        program = str(tmp_path / name)
+    monkeypatch.setattr(sys, "executable", program)
+    assert can_start_python() == is_python
+    monkeypatch.setattr(sys, "frozen", True, raising=False)
+    assert not can_start_python()

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 import taichi_disk
-from taichi_disk.sweep.pool import Pool
+from taichi_disk.processes.pool import Pool
 
 
 @pytest.fixture

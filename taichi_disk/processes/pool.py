@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -15,13 +16,16 @@ from queue import SimpleQueue
 from typing import Any
 
 from taichi_disk.engine import environment
+from taichi_disk.machine import can_start_python
 from taichi_disk.signals import ignored_by_children
 
+REAPING_TIME = 2.0  # [s] after which an ended process has an exit status
 WORKER = Path(__file__).with_name("worker.py")
 
 
 class Pool(ThreadPoolExecutor):
-    """An executor of `count` processes, each of which serves one thread at a time.
+    """An executor of `count` processes, each of which serves one thread at a time. If
+    no Python can be started, calls are carried out here while they are submitted.
 
     The standard library's pool imports files of the working folder and the caller's
     script, and needs semaphores, which small containers lack (/dev/shm). This one needs
@@ -31,8 +35,10 @@ class Pool(ThreadPoolExecutor):
     def __init__(self, count: int) -> None:
         super().__init__(count)
         environment.prepare()  # workers share the cache of this process
-        with ignored_by_children():
-            self._processes = [_start() for _ in range(count)]
+        self._processes = []
+        if can_start_python():
+            with ignored_by_children():
+                self._processes = [_start() for _ in range(count)]
         self._free = SimpleQueue[subprocess.Popen[bytes]]()
         for process in self._processes:
             self._free.put(process)
@@ -40,8 +46,10 @@ class Pool(ThreadPoolExecutor):
     def submit(
         self, function: Callable[..., Any], /, *args: Any, **kwargs: Any
     ) -> Future[Any]:
-        request = pickle.dumps(partial(function, *args, **kwargs))
-        return super().submit(self._carry_out, request)
+        call = partial(function, *args, **kwargs)
+        if not self._processes:
+            return _carried_out(call)
+        return super().submit(self._carry_out, pickle.dumps(call))
 
     def _carry_out(self, request: bytes) -> Any:
         process = self._free.get()
@@ -50,7 +58,7 @@ class Pool(ThreadPoolExecutor):
             assert process.stdout is not None
             value, error = pickle.load(process.stdout)
         except (EOFError, OSError, pickle.UnpicklingError):
-            raise BrokenExecutor("a process has died") from None
+            raise BrokenExecutor(_end(process)) from None
         finally:
             self._free.put(process)
         if error is not None:
@@ -79,13 +87,33 @@ class Pool(ThreadPoolExecutor):
             self.kill()
 
 
+def _carried_out(call: Callable[[], Any]) -> Future[Any]:
+    future: Future[Any] = Future()
+    try:
+        future.set_result(call())
+    except Exception as error:
+        future.set_exception(error)
+    return future
+
+
+def _end(process: subprocess.Popen[bytes]) -> str:
+    """Return how a process ended that does not answer any more."""
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(REAPING_TIME)
+    code = process.returncode
+    if code is not None and code < 0:
+        return signal.Signals(-code).name
+    return f"exit status {code}"
+
+
 def _start() -> subprocess.Popen[bytes]:
     process = subprocess.Popen(
         [sys.executable, str(WORKER)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        # one thread for each process, so that processes do not compete for the cores
-        env={"OPENBLAS_NUM_THREADS": "1", **os.environ},
+        # One thread for each process, so that processes do not compete for the cores.
+        # They draw into files; the user's backend may need a display or not exist.
+        env={"OPENBLAS_NUM_THREADS": "1", **os.environ, "MPLBACKEND": "agg"},
     )
     with suppress(OSError):  # the process has died, and its first call will fail
         _send(process, sys.path)
