@@ -177,8 +177,7 @@ class Browser:
 
     def close_lists(self) -> None:
         self.script(
-            "for (const one of document.querySelectorAll(':popover-open'))"
-            " one.hidePopover()"
+            "for (const one of document.querySelectorAll('dialog[open]')) one.close()"
         )
 
     def key(self, name: str, seconds: float = 0.05) -> None:

@@ -11,8 +11,9 @@ import { ARROW, arrow, drawLegend, footer, label, line } from "./legend.js";
 
 const LONGEST_ARROW = 0.9; // length of the velocity's arrow at most [R], ...
 const FASTEST = 0.1; // ... reached at this speed [c]; shorter ones go by its square root
-// least height of a rigid wall that is always seen, with room for a line of text [px]
+// least height of a rigid wall that is always seen, with room for a line of text [px], ...
 const VISIBLE_WALL = 40;
+const WALL_PART = 0.12; // ... but at most this part of the picture
 const ARROW_DISTANCE = 7; // approximate distance of two arrows [px]
 const FINEST = 2; // pixels of the disk in a CSS pixel; more cost time and can hardly be seen
 // arrays of the scene's message
@@ -89,7 +90,7 @@ export class Drawing {
     let below = margin;
     if (wall.kind === "rigid") {
       bottom = wall.edge;
-      below = VISIBLE_WALL * this.options.letters;
+      below = Math.min(VISIBLE_WALL * this.options.letters, WALL_PART * this.height);
     }
     const width = this.width - 2 * margin;
     const height = this.height - this.footer - margin - below;

@@ -3,13 +3,24 @@
 import { Controls } from "./controls.js";
 import { Drawing, bytes, decoded } from "./draw.js";
 import { followPointers } from "./gestures.js";
-import { checked, element, elements } from "./html.js";
-import { arrow, line } from "./legend.js";
+import { checked, element, elements, inks } from "./html.js";
+import { FONT, arrow, label, line, roundAbove, roundBelow } from "./legend.js";
 
 const VELOCITY_ARROW = 0.7; // length of the arrow of the speed before an impact [R]
 const SLOW = 0.02; // a smaller part of that speed has no arrow
 const COMING = { light: "#b8b8b7", dark: "#54575e" }; // colours of curves still to come
-const NARROW = matchMedia("(max-width: 599px)"); // compared disks stand one above the other
+const DASHES = [[], [5, 3], [1, 3], [9, 3, 1, 3]]; // of the curves of compared runs
+const STROKES = ["——", "– –", "·····", "– · –"]; // the same in words
+const WIDE = 160; // axis of time with room for three numbers [px]
+const LOW = 230; // a lower picture has no room for a legend [px]
+const STACKED = "(max-width: 599px) and (min-height: 481px)"; // disks one above the other
+
+// Return the value of a list at a place between two whole numbers.
+function between(values, place) {
+  const k = Math.floor(place);
+  const next = values[Math.min(k + 1, values.length - 1)];
+  return values[k] + (place - k) * (next - values[k]);
+}
 
 // The states of one run.
 class Recording {
@@ -102,19 +113,24 @@ class Pane extends Drawing {
   }
 }
 
-// Curves of the velocity, the force and the energies, grey where they are still to come.
+// Curves of the velocity, the force and the energies over time, grey where they are still to come.
+// Those of each run have a dash of its own.
 class Curves {
-  constructor(canvas, names, { titles, curves }) {
-    this.canvas = canvas;
+  constructor(canvas, names, { titles, curves, times, end, unit, runs }) {
+    const first = Math.max(times[0], 0);
+    const last = Math.min(times.at(-1), end);
+    const moments = times.map((t) => Math.min(Math.max(t, first), last)); // others are flights
+    Object.assign(this, { canvas, first, last, moments, unit });
     canvas.ariaLabel = `${titles.join(", ")} over time`;
-    this.panels = titles.map((title, k) => ({
-      title,
-      curves: curves.filter(({ panel }) => panel === k),
-    }));
-    for (const { name, colours } of curves.filter((one) => one.name)) {
-      const [light, dark] = colours;
-      const style = `color: light-dark(${light}, ${dark})`;
-      names.append(element("span", { style }, name), " ");
+    this.panels = titles.map((title, k) => new Panel(title, curves, k));
+    const isCompared = runs.length > 1;
+    runs.forEach(({ scene }, k) => {
+      if (isCompared) names.append(element("span", {}, `${STROKES[k]} ${scene.title[0]}`), " ");
+    });
+    const named = new Map(curves.map(({ name, colours }) => [name, colours]));
+    named.delete("");
+    for (const [name, colours] of named) {
+      names.append(element("span", { style: inks(...colours) }, name), " ");
     }
   }
 
@@ -125,39 +141,72 @@ class Curves {
     canvas.height = height * devicePixelRatio;
     const ctx = canvas.getContext("2d");
     ctx.scale(devicePixelRatio, devicePixelRatio);
+    ctx.font = FONT;
     const isTall = height > width;
     const across = isTall ? width : width / panels.length;
     const down = isTall ? height / panels.length : height;
     panels.forEach((panel, k) => {
-      const left = isTall ? 12 : k * across + 12;
+      const left = isTall ? 0 : k * across;
       const top = isTall ? k * down : 0;
-      this.drawPanel(ctx, panel, [left, top, across - 24, down], place, theme, colours);
+      this.drawPanel(ctx, panel, [left, top, across, down], place, theme, colours);
     });
   }
 
-  drawPanel(ctx, { title, curves }, [left, top, width, height], place, theme, colours) {
-    const values = curves.flatMap((one) => one.values);
-    const high = values.reduce((most, value) => Math.max(most, value), 0);
-    const low = values.reduce((least, value) => Math.min(least, value), 0);
-    const count = curves[0].values.length - 1;
-    const isDark = theme === "dark";
-    const column = (k) => left + (width * k) / count;
-    const row = (value) => top + 22 + ((high - value) / (high - low || 1)) * (height - 30);
-    ctx.font = "12px system-ui, sans-serif";
-    ctx.fillStyle = colours.ink;
-    const isShort = ctx.measureText(title).width < width;
-    ctx.fillText(isShort ? title : title.split(" ")[0], left, top + 13);
-    line(ctx, [[left, row(0)], [left + width, row(0)]], colours.rule, 1);
-    for (const { values, colours: inks, run } of curves) {
-      const points = values.map((value, k) => [column(k), row(value)]);
-      const ink = inks[Number(isDark)];
-      const dash = run ? [5, 3] : [];
-      const now = [column(place), row(values[Math.round(place)])];
-      const next = Math.floor(place) + 1;
-      line(ctx, points.slice(next - 1), COMING[theme], 1.6, dash);
-      line(ctx, [...points.slice(0, next), now], ink, 2, dash);
+  drawPanel(ctx, { title, curves, ticks }, [start, top, across, down], place, theme, colours) {
+    const { first, last, moments, unit } = this;
+    const high = ticks.at(-1);
+    const low = ticks[0];
+    const numbers = ticks.map((value) => label(value));
+    const widths = numbers.map((text) => ctx.measureText(text).width);
+    const left = start + Math.max(...widths) + 14;
+    const width = start + across - 12 - left;
+    const height = down - 46;
+    const column = (t) => left + (width * (t - first)) / (last - first);
+    const row = (value) => top + 24 + ((high - value) / (high - low)) * height;
+    const write = (text, x, y, textAlign) => {
+      Object.assign(ctx, { textAlign, fillStyle: colours.faint });
+      ctx.fillText(text, x, y);
+    };
+    ticks.forEach((value, k) => {
+      line(ctx, [[left, row(value)], [left + width, row(value)]], colours.rule, 1);
+      write(numbers[k], left - 5, row(value) + 4, "right");
+    });
+    const step = roundBelow((last - first) / (width < WIDE ? 1.5 : 2.5));
+    const most = step * Math.floor(last / step + 1e-6);
+    for (let t = step * Math.ceil(first / step); t <= most * 1.001; t += step) {
+      const text = label(Number(t.toPrecision(6)));
+      write(t > most - step / 2 ? `${text} ${unit}` : text, column(t), top + down - 7, "center");
     }
-    line(ctx, [[column(place), top + 20], [column(place), top + height - 6]], colours.faint, 1);
+    Object.assign(ctx, { textAlign: "left", fillStyle: colours.ink });
+    const words = [title, title.split(" [")[0], title.split(" ")[0]];
+    const room = start + across - 12 - (start + 12);
+    const shown = words.find((text) => ctx.measureText(text).width < room) ?? words[2];
+    ctx.fillText(shown, start + 12, top + 13);
+    for (const { values, colours: pair, run } of curves) {
+      const points = values.map((value, k) => [column(moments[k]), row(value)]);
+      const now = [column(between(moments, place)), row(between(values, place))];
+      const next = Math.floor(place) + 1;
+      line(ctx, [now, ...points.slice(next)], COMING[theme], 1.6, DASHES[run]);
+      line(ctx, [...points.slice(0, next), now], pair[Number(theme === "dark")], 2, DASHES[run]);
+    }
+    const now = column(between(moments, place));
+    line(ctx, [[now, top + 20], [now, top + 24 + height]], colours.faint, 1);
+  }
+}
+
+// The curves of one panel, and the values that its axis names.
+class Panel {
+  constructor(title, curves, number) {
+    this.title = title;
+    this.curves = curves.filter(({ panel }) => panel === number);
+    const values = this.curves.flatMap((one) => one.values);
+    const most = values.reduce((high, value) => Math.max(high, value), 0);
+    const least = values.reduce((low, value) => Math.min(low, value), 0);
+    const size = Math.max(most, -least) || 1;
+    const ticks = new Set([0]);
+    if (least < -0.02 * size) ticks.add(-roundAbove(-least));
+    if (most > 0.02 * size || !least) ticks.add(roundAbove(most || 1));
+    this.ticks = [...ticks].sort((one, other) => one - other);
   }
 }
 
@@ -248,7 +297,7 @@ async function play() {
 
   function change() {
     controls.show(specs.map((spec) => ({ ...spec, value: settings[spec.key] })));
-    document.documentElement.style.colorScheme = settings.theme;
+    document.documentElement.dataset.theme = settings.theme;
     const velocityColour = velocityColours[Number(settings.theme === "dark")];
     document.documentElement.style.setProperty("--velocity", velocityColour);
     all((one) => one.set({ ...settings, ...checked(ui.options), velocityColour }));
@@ -257,9 +306,11 @@ async function play() {
 
   function arrange() {
     panes.forEach(({ drawing, figure }, k) => {
-      drawing.hasLegend = !NARROW.matches || k === panes.length - 1;
+      const isStacked = matchMedia(STACKED).matches;
+      const isLast = !isStacked || k === panes.length - 1;
+      drawing.hasLegend = isLast && ui.disks.clientHeight >= LOW;
       // All disks have the same height, beside that of the legend.
-      figure.style.flexBasis = NARROW.matches ? `${drawing.footer}px` : "";
+      figure.style.flexBasis = isStacked ? `${drawing.footer}px` : "";
       if (drawing.camera.home && drawing.width) drawing.fit();
     });
     show();
@@ -294,8 +345,10 @@ async function play() {
     },
   );
   document.querySelector("details").open = matchMedia(
-    "(min-width: 960px) and (min-height: 481px)",
+    "(min-width: 960px) and (min-height: 601px)",
   ).matches;
+  ui.silent.remove();
+  document.querySelector("main").ariaBusy = false;
   ui.moment.max = last;
   for (const [moment, name] of head.marks) {
     const style = `left: ${(100 * moment) / last}%`;
@@ -322,6 +375,6 @@ async function play() {
   });
 }
 
-play().catch((error) =>
-  document.getElementById("disks").append(`This film cannot be played: ${error.message}`),
-);
+play().catch((error) => {
+  document.getElementById("silent").textContent = `This film cannot be played: ${error.message}`;
+});

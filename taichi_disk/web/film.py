@@ -135,11 +135,15 @@ def _packed(
             }
         )
     times = [cue.t for cue in shots]
+    words = states[0].run.scenario.words
     head = {
         "fps": rate,
         "cues": np.searchsorted(states[0].times, times).tolist(),
         "marks": _marks(states[0].run, times),
-        "titles": _titles(states[0].run),
+        "titles": [label.replace("  ", " ") for label in axis_labels(words)],
+        "times": [float(f"{t:.5g}") for t in states[0].times],
+        "end": max(float(one.run.series["t"][-1]) for one in states),
+        "unit": words.time.split()[-1].strip("[]"),
         "curves": _curves(states),
         "runs": runs,
     }
@@ -176,12 +180,6 @@ def _marks(run: Run, times: Sequence[float]) -> list[list[Any]]:
     return marks
 
 
-def _titles(run: Run) -> list[str]:
-    """Return the titles of the curves' panels, without units."""
-    labels = axis_labels(run.scenario.words)
-    return [label.split("  ")[0] for label in labels]
-
-
 def _curves(states: Sequence[Recording]) -> list[dict[str, Any]]:
     """Return the curves of the runs at the times of the states: panel, name, colours on
     a light and a dark ground, values."""
@@ -189,8 +187,6 @@ def _curves(states: Sequence[Recording]) -> list[dict[str, Any]]:
     for number, one in enumerate(states):
         columns = one.run.series
         for curve in curves(one.run.scenario, columns):
-            if number and curve.panel == 2:
-                continue  # the energies of several runs would hide each other
             values = np.interp(one.times, columns["t"], curve.values)
             found.append(
                 {

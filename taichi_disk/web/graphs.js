@@ -1,6 +1,6 @@
 // Curves over time, in which a drag goes back in time. CSS draws the frame of a plot.
 
-import { element } from "./html.js";
+import { element, inks } from "./html.js";
 import { label, line, roundAbove } from "./legend.js";
 
 const GRAPHS = [["energy"], ["force", "motion"]]; // on the left and right scale of each graph
@@ -15,7 +15,7 @@ export function legend(caption, names) {
   const name = ([text, curve]) => {
     if (!curve) return text;
     const [, , light, dark] = curve;
-    return element("span", { style: `--curve: light-dark(${light}, ${dark})` }, text);
+    return element("span", { style: inks(light, dark) }, text);
   };
   caption.replaceChildren(...names.map(name));
 }

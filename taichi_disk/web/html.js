@@ -6,6 +6,10 @@ export function element(tag, properties = {}, ...children) {
   return made;
 }
 
+// Return a style that gives an element a colour on a light and one on a dark ground, which CSS calls
+// `--curve`.
+export const inks = (light, dark) => `--light: ${light}; --dark: ${dark}`;
+
 // Return the elements in `root` that have an id, by their ids.
 export function elements(root) {
   return Object.fromEntries([...root.querySelectorAll("[id]")].map((one) => [one.id, one]));

@@ -18,7 +18,7 @@ export function label(value, signed = false) {
 }
 
 // Return the largest of 1, 2 and 5 times a power of ten up to a value > 0.
-function roundBelow(value) {
+export function roundBelow(value) {
   const decade = 10 ** Math.floor(Math.log10(value));
   return decade * [5, 2, 1].find((step) => step <= (value / decade) * (1 + 1e-9));
 }

@@ -2,7 +2,7 @@
 
 import { digits } from "./controls.js";
 import { frame } from "./graphs.js";
-import { element } from "./html.js";
+import { element, inks } from "./html.js";
 import { label, roundAbove } from "./legend.js";
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -18,16 +18,16 @@ const SET_COLUMNS = {
   friction: ["μ = ", 0],
 };
 const SET_COLOURS = [
-  "light-dark(#00806a, #2fc79b)",
-  "light-dark(#c23f00, #ff7f50)",
-  "light-dark(#1f6fb5, #4fb3f0)",
-  "light-dark(#8e5bc0, #c9a0f0)",
-  "light-dark(#8f6500, #e0b040)",
-  "light-dark(#9c3587, #f08ad8)",
-  "light-dark(#5a5d64, #a9abb0)",
+  ["#00806a", "#2fc79b"],
+  ["#c23f00", "#ff7f50"],
+  ["#1f6fb5", "#4fb3f0"],
+  ["#8e5bc0", "#c9a0f0"],
+  ["#8f6500", "#e0b040"],
+  ["#9c3587", "#f08ad8"],
+  ["#5a5d64", "#a9abb0"],
 ];
 
-// Return the results in sets with equal parameters: {label, colour, rows}.
+// Return the results in sets with equal parameters: {label, colours, rows}.
 export function inSets(results) {
   const names = ["result", ...Object.keys(SET_COLUMNS)];
   const sets = new Map();
@@ -37,7 +37,7 @@ export function inSets(results) {
     sets.get(key).push(row);
   }
   return [...sets.values()].map((rows, k) => {
-    return { label: labelOf(rows[0]), colour: SET_COLOURS[k % SET_COLOURS.length], rows };
+    return { label: labelOf(rows[0]), colours: SET_COLOURS[k % SET_COLOURS.length], rows };
   });
 }
 
@@ -75,10 +75,10 @@ export function fitRestitution(rows) {
   return { d1: Math.sqrt(level), d2: -slope / level, rms, e };
 }
 
-function polyline(points, colour, dash) {
+function polyline(points, colours, dash) {
   const curve = document.createElementNS(SVG, "polyline");
   curve.setAttribute("points", points.map(([x, y]) => `${100 * x},${100 * (1 - y)}`).join(" "));
-  curve.setAttribute("style", `stroke: ${colour}; stroke-dasharray: ${dash}`);
+  curve.setAttribute("style", `${inks(...colours)}; stroke-dasharray: ${dash}`);
   return curve;
 }
 
@@ -130,11 +130,11 @@ class Axes {
 }
 
 // Return the mark of a result: a dot, hollow if the user disturbed it, or an arrow at the edge.
-function markOf(row, colour, axes) {
+function markOf(row, colours, axes) {
   const height = axes.up(row.value);
   const x = clipped(axes.across(row.load));
   const y = clipped(height);
-  const style = `left: ${100 * x}%; bottom: ${100 * y}%; --curve: ${colour}`;
+  const style = `left: ${100 * x}%; bottom: ${100 * y}%; ${inks(...colours)}`;
   const title = `${row.result} = ${label(row.value)} at ${label(row.load)}`;
   const properties = { style, title, className: row.disturbance ? "hollow" : "" };
   if (row.load > axes.last) return element("u", properties, "▸");
@@ -165,18 +165,18 @@ export function showDiagram(plot, caption, results, { title, range, fitted }) {
   curves.setAttribute("viewBox", "0 0 100 100");
   curves.setAttribute("preserveAspectRatio", "none");
   const marks = [];
-  for (const { label: text, colour, rows } of inSets(shown)) {
+  for (const { label: text, colours, rows } of inSets(shown)) {
     const inside = rows.filter((row) => axes.contains(row)).sort((a, b) => a.load - b.load);
     const untouched = inside.filter(({ disturbance }) => !disturbance);
     const isFitted = fitted && kind === "e" && untouched.length > 2;
     const fit = isFitted ? fitRestitution(untouched) : null;
-    if (fit) curves.append(polyline(axes.curve(fit.e), colour, "5 4"));
+    if (fit) curves.append(polyline(axes.curve(fit.e), colours, "5 4"));
     else {
       const points = untouched.map(({ load, value }) => [axes.across(load), axes.up(value)]);
-      curves.append(polyline(points, colour, "none"));
+      curves.append(polyline(points, colours, "none"));
     }
-    caption.append(element("span", { style: `--curve: ${colour}` }, setName(text, fit)));
-    for (const row of rows) marks.push(markOf(row, colour, axes));
+    caption.append(element("span", { style: inks(...colours) }, setName(text, fit)));
+    for (const row of rows) marks.push(markOf(row, colours, axes));
   }
   frame(plot, [curves, ...marks], axes.decades, axes);
 }
@@ -217,14 +217,14 @@ export function showResults(table, results, own) {
   const row = (cells) => element("tr", {}, ...cells);
   const colours = new Map();
   for (const set of inSets(results)) {
-    for (const one of set.rows) colours.set(one, set.colour);
+    for (const one of set.rows) colours.set(one, set.colours);
   }
   const rows = results.map((one, k) => {
     const cells = keys.map((key) => {
       const text = written(key, one[key], one.result);
       return element("td", { title: one[key] ?? "" }, text);
     });
-    cells[0].style = `--curve: ${colours.get(one)}`;
+    cells[0].style = inks(...colours.get(one));
     const name = { ariaLabel: `remove the result ${written("value", one.value, one.result)}` };
     const remove = element("button", name, "×");
     remove.dataset.remove = k;

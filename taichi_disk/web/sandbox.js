@@ -46,6 +46,13 @@ function captionLine(text) {
   return text[0] === "*" ? element("b", {}, text.slice(1)) : element("span", {}, text);
 }
 
+// Return whether a dialog was pressed beside its box, on its backdrop.
+function isOutside({ target, clientX, clientY }) {
+  const { left, right, top, bottom } = target.getBoundingClientRect();
+  const isInside = clientX >= left && clientX <= right && clientY >= top && clientY <= bottom;
+  return target.matches("dialog") && !isInside;
+}
+
 export class Sandbox {
   // `node` holds the elements of index.html; `send` takes a command for the program.
   constructor(node, send) {
@@ -78,6 +85,8 @@ export class Sandbox {
     );
     node.onclick = ({ target }) =>
       this.state && this.click(target.closest("button, [type=checkbox]"));
+    for (const dialog of node.querySelectorAll("dialog"))
+      dialog.onpointerdown = (event) => isOutside(event) && dialog.close();
     node.getRootNode().addEventListener("keydown", (event) => this.state && this.key(event));
     const own = [...node.querySelectorAll("[aria-keyshortcuts]")];
     this.shortcuts = own.map((one) => [
@@ -121,13 +130,15 @@ export class Sandbox {
 
   click(one) {
     if (!one) return;
-    const { press, command, tab, play, remove } = one.dataset;
+    const { press, command, tab, play, remove, opens, closes } = one.dataset;
+    if (opens) this.ui[opens].showModal();
+    if (closes) this.ui[closes].close();
     if (press) this.send({ do: "press", key: press });
     if (command) this.send({ do: command });
     if (tab) this.showTab(tab);
     if (remove) this.send({ do: "remove", number: Number(remove) });
     if (play) {
-      this.ui.list.togglePopover(false);
+      this.ui.list.close();
       this.send({ do: "play", number: Number(play) });
     }
     this.actions[one.id]?.();
@@ -138,7 +149,7 @@ export class Sandbox {
     const { target } = event;
     const key = keyName(event);
     if (event.ctrlKey || event.altKey || event.metaKey) return;
-    if (this.node.querySelector(":popover-open")) return;
+    if (this.node.querySelector("dialog[open]")) return;
     if (OWN_KEYS.some(([controls, keys]) => target.matches(controls) && keys.test(key))) return;
     if (event.repeat && !this.hello.repeating.includes(key)) return;
     if (key === "Escape") this.project(false);
@@ -370,7 +381,7 @@ export class Sandbox {
       quantity: value("colour"),
       magnify: value("magnify"),
     });
-    node.style.colorScheme = value("theme");
+    node.dataset.theme = value("theme");
     this.showTexts(panel);
     this.showMessage(panel, isFirst);
     ui.warnings.replaceChildren(...panel.warnings.map((text) => element("li", {}, text)));

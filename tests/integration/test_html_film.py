@@ -21,9 +21,9 @@ from taichi_disk import api, load_scene
 from taichi_disk.cli import main
 from taichi_disk.fields import QUANTITIES
 from taichi_disk.web import drawing
+from tests.browser import MISSING, Browser
 
 WEB = Path(drawing.__file__).parent
-TOOLS = [tool for tool in ("chromium", "chromedriver") if not shutil.which(tool)]
 
 
 @pytest.fixture(scope="module")
@@ -109,14 +109,27 @@ def test_states_survive_the_packing_to_a_thousandth_of_r(folder):
         assert not kind.signed or (codes.min() < 127 < codes.max())
 
 
-def test_curves_have_one_value_for_each_state_so_that_a_pause_is_no_plateau(folder):
+def test_curves_have_units_and_a_value_for_each_time_so_that_a_pause_is_no_plateau(
+    folder,
+):
     film, _ = packed(folder / "film.html")
-    assert film["titles"] == ["normal velocity", "wall force", "energy"]
-    run = film["runs"][0]
-    assert {len(one["values"]) for one in film["curves"]} == {run["states"]}
-    assert len(film["cues"]) > run["states"]  # with pauses
-    force = film["curves"][1]["values"]
-    assert force.count(max(force)) == 1
+    assert film["titles"] == [
+        "normal velocity [initial]",
+        "wall force [Mc²/R]",
+        "energy [Mc²]",
+    ]
+    assert film["unit"] == "R/c"
+    count = film["runs"][0]["states"]
+    assert {len(one["values"]) for one in film["curves"]} == {count}
+    assert len(film["cues"]) > count  # with pauses
+    # the greatest force is a state of its own, between two regular ones
+    times = np.array(film["times"])
+    steps = np.diff(times)
+    assert steps.min() > 0.0
+    assert steps.min() < 0.9 * np.median(steps)
+    series = api.Result.load(folder, estimate=False).series
+    force = np.interp(times, series["t"], series["wall_force"])
+    assert film["curves"][1]["values"] == pytest.approx(force, rel=1e-3, abs=1e-6)
 
 
 @pytest.mark.validate
@@ -162,26 +175,11 @@ def test_modules_are_well_formed(name, tmp_path):
 
 @pytest.fixture(scope="module")
 def browser():
-    if TOOLS:
+    if MISSING:
         if os.environ.get("CI"):
-            pytest.fail(f"the film cannot be tested: {TOOLS} missing")
-        pytest.skip(
-            f"not installed: {', '.join(TOOLS)} (apt-get install chromium"
-            " chromium-driver)"
-        )
-    from selenium import webdriver
-    from selenium.webdriver.chrome.service import Service
-
-    options = webdriver.ChromeOptions()
-    for option in (
-        "--headless=new",
-        "--no-sandbox",
-        "--disable-dev-shm-usage",
-        "--enable-unsafe-swiftshader",
-    ):
-        options.add_argument(option)
-    options.binary_location = shutil.which("chromium")
-    driver = webdriver.Chrome(options, Service(shutil.which("chromedriver")))
+            pytest.fail(f"the film cannot be tested: {MISSING}")
+        pytest.skip(f"the film is not tested: {MISSING}")
+    driver = Browser().driver
     driver.execute_cdp_cmd("Network.enable", {})
     driver.execute_cdp_cmd(
         "Network.emulateNetworkConditions",
@@ -193,20 +191,18 @@ def browser():
 
 WAIT_FOR_FILM = """
 const done = arguments[0];
-function isReady() {
-  const canvas = document.querySelector("canvas");
-  return canvas?.width > 100 && document.querySelector("#moment").max > 9;
-}
+const canvas = document.querySelector("canvas");
+const isReady = () => document.querySelector("#moment").max > 9 && canvas.width;
 (function ask() { isReady() ? done() : setTimeout(ask, 50); })();
 """
 
 
-def opened(browser, folder, size):
+def opened(browser, path, size=(1000, 700)):
     browser.execute_cdp_cmd(
         "Emulation.setDeviceMetricsOverride",
         {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False},
     )
-    browser.get((folder / "film.html").as_uri())
+    browser.get(path.as_uri())
     browser.execute_async_script(WAIT_FOR_FILM)
 
 
@@ -237,11 +233,185 @@ def choose(browser, name, value):
     )
 
 
+def curves(browser):
+    """Return the curves as drawn (rows, columns, RGBA)."""
+    data = browser.execute_script(
+        "return document.getElementById('curves').toDataURL()"
+    )
+    picture = Image.open(io.BytesIO(base64.b64decode(data.split(",")[1])))
+    return np.asarray(picture.convert("RGBA")).astype(int)
+
+
+def present(browser):
+    """Return the column of the line that marks the moment in the first panel [px]."""
+    picture = curves(browser)
+    panel = picture[30:80, : picture.shape[1] // 3, 3]
+    return int(panel.min(axis=0).argmax())
+
+
+def place_of(browser, moment):
+    browser.execute_script(
+        "const m = document.getElementById('moment'); m.value = arguments[0];"
+        " m.oninput()",
+        moment,
+    )
+
+
+def test_the_curves_run_over_time_so_that_the_greatest_compression_is_no_corner(
+    browser, folder
+):
+    film, _ = packed(folder / "film.html")
+    opened(browser, folder / "film.html")
+    times = np.array(film["times"])
+    first = max(times[0], 0.0)
+    last = min(times[-1], film["end"])
+    inside = [k for k, at in enumerate(film["cues"]) if first < times[at] < last]
+    chosen = [inside[len(inside) * part // 8] for part in (1, 2, 3, 4, 6)]
+    found = []
+    for moment in chosen:
+        place_of(browser, moment)
+        found.append(present(browser))
+    wanted = [times[film["cues"][moment]] for moment in chosen]
+    slope, start = np.polyfit(wanted, found, 1)
+    assert np.polyval([slope, start], wanted) == pytest.approx(found, abs=1.0)
+    assert slope * (last - first) > 150.0
+
+
+def test_between_two_states_the_disk_is_between_them(browser, folder):
+    opened(browser, folder / "film.html")
+    for name in ("forces", "velocity"):
+        choose(browser, name, False)
+    cues = packed(folder / "film.html")[0]["cues"]
+    moment = cues.index(cues[-1]) - 2  # in the flight at the end
+    heights = []
+    for part in (0.0, 0.5, 1.0):
+        place_of(browser, moment + part)
+        picture = canvas(browser)[:-120]
+        disk = np.abs(picture - picture[1, 1]).sum(axis=2) > 30
+        rows = disk.any(axis=1)
+        top = rows.argmax()
+        bottom = top + rows[top:].argmin()  # the wall is lower
+        heights.append(0.5 * (top + bottom))
+    assert heights[0] - heights[2] > 4.0
+    assert heights[1] == pytest.approx(0.5 * (heights[0] + heights[2]), abs=1.1)
+
+
+def test_each_theme_has_its_own_colours(browser, folder):
+    film, _ = packed(folder / "film.html")
+    opened(browser, folder / "film.html")
+    for number, theme in enumerate(("light", "dark")):
+        choose(browser, "theme", theme)
+        script = """
+            const rgb = (one) => getComputedStyle(document.querySelector(one)).color;
+            return [rgb('.motion'), rgb('#names span'), rgb('h1')]"""
+        motion, name, ink = browser.execute_script(script)
+        assert motion == rgb(film["curves"][0]["colours"][number])
+        first = next(one for one in film["curves"] if one["name"])
+        assert name == rgb(first["colours"][number])
+        assert ink == ("rgb(33, 36, 41)", "rgb(237, 237, 234)")[number]
+
+
+def rgb(colour):
+    parts = [str(int(colour[k : k + 2], 16)) for k in (1, 3, 5)]
+    return f"rgb({', '.join(parts)})"
+
+
+def test_compared_runs_have_dashes_of_their_own_and_a_key(browser, folder):
+    result = api.Result.load(folder, estimate=False)
+    path = folder.with_name("two.html")
+    result.film(path, compare=[result], labels=["one", "two"], fps=5, seconds=4)
+    film, _ = packed(path)
+    energies = {(one["run"], one["name"]) for one in film["curves"] if one["name"]}
+    assert energies == {(run, name) for run in (0, 1) for _, name in energies}
+    opened(browser, path)
+    names = browser.execute_script("return document.getElementById('names').innerText")
+    assert names.startswith("—— one – – two ")
+    assert names.count("elastic") == 1
+
+
+# smallest height of a picture in a window of a size [px]
+HEIGHTS = [
+    ((300, 180), 110),
+    ((320, 256), 190),
+    ((800, 500), 400),
+    ((834, 640), 350),
+    ((1366, 768), 520),
+]
+
+
+@pytest.mark.parametrize(("size", "least"), HEIGHTS)
+def test_in_a_frame_the_picture_has_the_room(browser, folder, size, least):
+    opened(browser, folder / "film.html", size)
+    height, seen, bar = browser.execute_script(
+        "const strip = document.querySelector('.strip').getBoundingClientRect();"
+        "return [document.querySelector('canvas').clientHeight, strip.bottom,"
+        " document.documentElement.scrollHeight]"
+    )
+    assert height >= least
+    assert seen <= size[1] + 1  # the time line is seen, too
+    assert bar == size[1]
+    # what does not fit is scrolled to
+    browser.execute_script("document.querySelector('details').scrollIntoView()")
+    end = "return document.getElementById('names').getBoundingClientRect().bottom"
+    assert browser.execute_script(end) <= size[1]
+
+
+def test_without_a_script_a_sentence_says_so_and_no_control_is_seen(browser, folder):
+    shown = """
+        const all = [...document.querySelectorAll('p, button, input, summary')];
+        return all.filter((one) => one.checkVisibility({ visibilityProperty: true }))
+        .map((one) => one.textContent)"""
+    browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": True})
+    try:
+        browser.get((folder / "film.html").as_uri())
+        found = browser.execute_script(shown)
+    finally:
+        browser.execute_cdp_cmd(
+            "Emulation.setScriptExecutionDisabled", {"value": False}
+        )
+    assert len(found) == 1
+    assert "JavaScript" in found[0]
+    opened(browser, folder / "film.html")
+    assert not [one for one in browser.execute_script(shown) if "JavaScript" in one]
+
+
+def test_on_paper_no_circle_is_an_ellipse_and_forced_colours_leave_the_picture(
+    browser, folder
+):
+    opened(browser, folder / "film.html", (834, 640))
+    stretched = """return [...document.querySelectorAll('canvas')].filter(e =>
+        Math.abs(e.width / e.height - e.clientWidth / e.clientHeight) > 0.02).length"""
+    features = [
+        {"name": "forced-colors", "value": "active"},
+        {"name": "prefers-color-scheme", "value": "dark"},
+    ]
+    try:
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+        browser.execute_cdp_cmd(
+            "Emulation.setDeviceMetricsOverride",
+            {"width": 500, "height": 700, "deviceScaleFactor": 1, "mobile": False},
+        )
+        browser.execute_async_script("setTimeout(arguments[0], 200)")
+        assert browser.execute_script(stretched) == 0
+        control = "return document.getElementById('play').checkVisibility()"
+        assert not browser.execute_script(control)
+        browser.execute_cdp_cmd(
+            "Emulation.setEmulatedMedia", {"media": "", "features": features}
+        )
+        style = "getComputedStyle(document.getElementById('graphs'))"
+        ground = browser.execute_script(f"return {style}.backgroundColor")
+        assert ground == "rgb(250, 250, 248)"
+    finally:
+        browser.execute_cdp_cmd(
+            "Emulation.setEmulatedMedia", {"media": "", "features": []}
+        )
+
+
 @pytest.mark.validate
 def test_from_a_file_it_plays_scrubs_zooms_magnifies_and_shows_every_quantity(
     browser, folder
 ):
-    opened(browser, folder, (1000, 700))
+    opened(browser, folder / "film.html", (1000, 700))
     place = "return Number(document.getElementById('moment').value)"
     before = browser.execute_script(place)
     browser.execute_async_script("setTimeout(arguments[0], 700)")
@@ -291,7 +461,7 @@ def test_from_a_file_it_plays_scrubs_zooms_magnifies_and_shows_every_quantity(
 def test_on_a_screen_of_any_size_no_text_is_small_and_nothing_scrolls_sideways(
     browser, folder, size
 ):
-    opened(browser, folder, size)
+    opened(browser, folder / "film.html", size)
     stop_at(browser, 0.5)
     browser.execute_script("document.querySelector('details').open = true")
     assert (
@@ -323,6 +493,7 @@ def test_on_a_screen_of_any_size_no_text_is_small_and_nothing_scrolls_sideways(
     assert "flight" in text
     assert cut <= 0
     # a canvas has the pixels that it covers: no circle is an ellipse
+    browser.execute_async_script("setTimeout(arguments[0], 200)")
     stretched = """return [...document.querySelectorAll('canvas')].filter(e =>
         e.offsetWidth && Math.abs(
         e.width / e.height - e.clientWidth / e.clientHeight) > 0.02).length"""
