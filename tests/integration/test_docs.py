@@ -69,7 +69,10 @@ def commands(page: Path) -> Iterator[tuple[bool, list[str]]]:
     "name",
     [
         "README.md",
-        *(f"docs/{page}.md" for page in ("tutorial", "api", "extending", "colours")),
+        *(
+            f"docs/{page}.md"
+            for page in ("tutorial", "api", "extending", "colours", "taichi")
+        ),
     ],
 )
 def test_python_blocks_run_from_top_to_bottom(name, tmp_path):
