@@ -18,6 +18,7 @@ from taichi_disk.computation.outcome import compute
 from taichi_disk.computation.stability import spectrum
 from taichi_disk.computation.step_control import StepControl
 from taichi_disk.fields import Triangles
+from taichi_disk.integrators import Integrator
 from taichi_disk.lattice import Lattice, disk_lattice, with_wall
 from taichi_disk.lattice.lattice import double_area, polygon_area
 from taichi_disk.physics import (
@@ -40,6 +41,21 @@ ELASTIC = ElasticWall(A, V0, 0.1)
 RESET = 0.12  # time between two resets of a boundary [R/c]
 FREE = Model(Springs())
 FALLING = Model(Springs(1.0, 1.0), RIGID)  # no dashpots
+
+# a composition of several kicks and moves, as a user may write it: I. P. Omelyan, I. M.
+# Mryglod and R. Folk, Comput. Phys. Commun. 146, 188 (2002)
+_XI = 0.1644986515575760
+_LAMBDA = -0.02094333910398989
+_CHI = 1.235692651138917
+_OUTER = 0.5 * (1.0 - 2.0 * _LAMBDA)
+FOUR_FORCES = Integrator(
+    "four_forces",
+    4,
+    kicks=(_XI, _CHI, 1.0 - 2.0 * (_CHI + _XI), _CHI, _XI),
+    moves=(_OUTER, _LAMBDA, _LAMBDA, _OUTER),
+    stable=3.4696,
+    dashpots="none",
+)
 
 # The largest step is proportional to 1/sqrt(N). At N = 150 this safety gives the
 # automatic step of 1099 points, about 0.017 R/c, for which the bounds on errors are

@@ -33,7 +33,7 @@ from taichi_disk.computation.stability import (
     step_limit,
 )
 from taichi_disk.errors import InputError
-from taichi_disk.integrators import AUTOMATIC, INTEGRATORS, Integrator
+from taichi_disk.integrators import INTEGRATORS, Integrator
 from taichi_disk.simulation.observables import Columns
 from taichi_disk.simulation.simulation import MAX_STEPS
 
@@ -107,14 +107,7 @@ class StepControl:
     def _choice(self) -> TimeStep:
         model = self.scenario.model
         points = self.spectrum.points
-        tolerance = self._time.tolerance
-        if tolerance == "none":
-            tolerance = inf
-        candidates = [
-            one
-            for one, most in AUTOMATIC.items()
-            if tolerance <= most and one.takes(model)
-        ]
+        candidates = [one for one in INTEGRATORS.values() if one.takes(model)]
         if self._time.integrator != "auto":
             candidates = [INTEGRATORS[self._time.integrator]]
         integrator = min(

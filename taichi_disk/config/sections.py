@@ -369,12 +369,12 @@ class CompressionSection(Section):
 
 
 class TimeSection(Section):
-    integrator: Literal[
-        "auto", "velocity_verlet", "trapezoidal", "takahashi_imada", "vefrl"
-    ] = key(
-        "auto",
-        "trapezoidal: implicit dashpots; takahashi_imada, vefrl: order 4, no dashpots;"
-        " auto: order 4 if the forces allow it, else whichever is faster",
+    integrator: Literal["auto", "velocity_verlet", "trapezoidal", "takahashi_imada"] = (
+        key(
+            "auto",
+            "trapezoidal: implicit dashpots; takahashi_imada: order 4, no dashpots;"
+            " auto: order 4 if the forces allow it, else whichever is faster",
+        )
     )
     dt: Auto | float = key(
         "auto",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import inf, sqrt
+from math import sqrt
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:  # scene files are checked without Taichi
@@ -99,23 +99,6 @@ VELOCITY_VERLET = Integrator(
 # Velocity Verlet with implicit dashpots: see `trapezoidal`.
 TRAPEZOIDAL = replace(VELOCITY_VERLET, name="trapezoidal", dashpots="implicit")
 
-# I. P. Omelyan, I. M. Mryglod and R. Folk, Comput. Phys. Commun. 146, 188 (2002). For
-# errors of e below 1e-7 it needs fewer forces than velocity Verlet. Stability limits
-# the step, and no other composition of order 4 has as long a stable
-# step per force: 0.87/omega (PEFRL 0.75, Suzuki 0.54, Forest-Ruth 0.52).
-_XI = 0.1644986515575760
-_LAMBDA = -0.02094333910398989
-_CHI = 1.235692651138917
-_OUTER = 0.5 * (1.0 - 2.0 * _LAMBDA)
-VEFRL = Integrator(
-    "vefrl",
-    4,
-    kicks=(_XI, _CHI, 1.0 - 2.0 * (_CHI + _XI), _CHI, _XI),
-    moves=(_OUTER, _LAMBDA, _LAMBDA, _OUTER),
-    stable=3.4696,
-    dashpots="none",
-)
-
 # M. Takahashi and M. Imada, J. Phys. Soc. Jpn. 53, 3765 (1984): velocity Verlet with
 # the potential
 # U - h^2/24 sum(F^2/m), here without the gradient of F. To order 4 it steps X = x -
@@ -132,15 +115,5 @@ TAKAHASHI_IMADA = Integrator(
 )
 
 INTEGRATORS = {
-    each.name: each for each in (VELOCITY_VERLET, TRAPEZOIDAL, TAKAHASHI_IMADA, VEFRL)
-}
-# Candidates for `time.integrator: auto`, and the largest `time.tolerance` at which each
-# is one: see `StepControl`. VEFRL serves walls with resets. There a whole command took
-# 4.8 s instead of 6.7 s with velocity Verlet at a tolerance of 1e-7, but 5.0 s instead
-# of 4.3 s at 1e-6.
-AUTOMATIC = {
-    VELOCITY_VERLET: inf,
-    TRAPEZOIDAL: inf,
-    TAKAHASHI_IMADA: inf,
-    VEFRL: 2e-7,
+    each.name: each for each in (VELOCITY_VERLET, TRAPEZOIDAL, TAKAHASHI_IMADA)
 }

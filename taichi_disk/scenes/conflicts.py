@@ -41,10 +41,7 @@ def time_conflicts(
             " velocity_verlet"
         )
     if integrator and integrator.correction and resets:
-        limits.append(
-            "has only order 2 with wall.boundary = reset: write auto, or vefrl for"
-            " order 4"
-        )
+        limits.append("has only order 2 with wall.boundary = reset: write auto")
     if treatment == "implicit" and friction:
         limits.append("has only order 1 with friction: write auto or velocity_verlet")
     if treatment == "implicit" and eta and material.dashpot == "axial":

@@ -83,7 +83,6 @@ def kernel(repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
     kernels = KernelCache()
     scenes = {
         "wall": (RIGID, FREE),
-        "wall, vefrl (per step of four forces)": (RIGID, FREE, "time.integrator=vefrl"),
         "wall, dashpots (velocity_verlet)": (RIGID, VERLET),
         "wall, dashpots (trapezoidal)": (RIGID, STRONG, "time.integrator=trapezoidal"),
         "elastic wall, contact search, reset": ("absorbing_wall",),

@@ -49,7 +49,7 @@ def imbalance(columns):
                 "exponential_wall",
                 *SMALL,
                 "material.eta_star=0",
-                "time.integrator=vefrl",
+                "time.integrator=takahashi_imada",
             ),
             marks=LONG,
         ),

@@ -13,9 +13,9 @@ from functools import lru_cache
 import numpy as np
 import pytest
 import reference
-from bodies import RESET, bouncing
+from bodies import FOUR_FORCES, RESET, bouncing
 
-from taichi_disk.integrators import TAKAHASHI_IMADA, TRAPEZOIDAL, VEFRL, VELOCITY_VERLET
+from taichi_disk.integrators import TAKAHASHI_IMADA, TRAPEZOIDAL, VELOCITY_VERLET
 
 N = 40
 END = 1.92  # [R/c], during the contact
@@ -51,21 +51,21 @@ def steps_for(eta, integrator):
 
 FAST = {
     ("rigid", 0.0, VV),
-    ("rigid", 0.0, VEFRL),
+    ("rigid", 0.0, FOUR_FORCES),
     ("rigid", 0.0, TAKAHASHI_IMADA),
 }
 SCENES = ["compression", "rigid", "reset", "pinned", "matched"]
-WAYS = [(0.0, VV), (ETA, VV), (ETA, TRAPEZOIDAL), (0.0, VEFRL)]
+WAYS = [(0.0, VV), (ETA, VV), (ETA, TRAPEZOIDAL), (0.0, FOUR_FORCES)]
 # The integrator of order 4 takes no force that depends on velocity.
 CASES = [
     (scene, *way)
     for scene in SCENES
     for way in WAYS
-    if (scene, way[1]) != ("matched", VEFRL)
+    if (scene, way[1]) != ("matched", FOUR_FORCES)
 ]
 CASES += [
     ("non-uniform compression", ETA, TRAPEZOIDAL),
-    ("non-uniform rigid", 0.0, VEFRL),
+    ("non-uniform rigid", 0.0, FOUR_FORCES),
     ("non-uniform matched", ETA, TRAPEZOIDAL),
 ]
 CASES += [("non-uniform reset", ETA / 5.0, VV), ("non-uniform reset", ETA, TRAPEZOIDAL)]

@@ -15,6 +15,7 @@ import reference
 from bodies import (
     ELASTIC,
     FALLING,
+    FOUR_FORCES,
     disk,
     disk_and_wall,
     matched,
@@ -25,7 +26,7 @@ from bodies import (
 from numpy.testing import assert_allclose, assert_array_equal
 
 from taichi_disk import runtime
-from taichi_disk.integrators import TAKAHASHI_IMADA, TRAPEZOIDAL, VEFRL, VELOCITY_VERLET
+from taichi_disk.integrators import TAKAHASHI_IMADA, TRAPEZOIDAL, VELOCITY_VERLET
 from taichi_disk.physics import Model, ResetBoundary, Springs, ordering
 from taichi_disk.simulation.simulation import Simulation
 
@@ -58,7 +59,7 @@ def body(name):
     integrator = (
         TRAPEZOIDAL
         if "trapezoidal" in name
-        else VEFRL
+        else FOUR_FORCES
         if "four" in name
         else VELOCITY_VERLET
     )

@@ -90,7 +90,7 @@ def test_two_results_that_agree_do_not_hide_a_third_one():
 
 def truth(kernels, *settings):
     """Return e with steps so short that the error, of order 4, is below 1e-7."""
-    fine = ("time.integrator=vefrl", "time.safety=0.05")
+    fine = ("time.integrator=takahashi_imada", "time.safety=0.05")
     scenario, outcome = computed(kernels, *settings, *fine, estimate=False)
     return scenario.result(outcome.series)["restitution"]
 

@@ -203,13 +203,13 @@ def test_a_scene_cannot_be_changed_and_an_int_becomes_a_float() -> None:
         ),
         (
             "exponential_wall",
-            {"integrator": "vefrl"},
+            {"integrator": "takahashi_imada"},
             "eta_star = 10",
-            {"integrator": "vefrl", "eta_star": 0},
+            {"integrator": "takahashi_imada", "eta_star": 0},
         ),
         (
             "exponential_wall",
-            {"integrator": "vefrl", "viscosity": 0.01},
+            {"integrator": "takahashi_imada", "viscosity": 0.01},
             "viscosity = 0.01",
             {"viscosity": 0.01},
         ),
@@ -227,15 +227,15 @@ def test_a_scene_cannot_be_changed_and_an_int_becomes_a_float() -> None:
         ),
         (
             "absorbing_wall",
-            {"integrator": "vefrl", "boundary": "dashpot"},
+            {"integrator": "takahashi_imada", "boundary": "dashpot"},
             "= dashpot",
-            {"integrator": "vefrl"},
+            {"integrator": "takahashi_imada", "boundary": "pinned"},
         ),
         (
             "absorbing_wall",
             {"integrator": "takahashi_imada"},
             "2 with",
-            {"integrator": "vefrl"},
+            {"integrator": "velocity_verlet"},
         ),
     ],
 )

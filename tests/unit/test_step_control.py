@@ -26,7 +26,6 @@ from taichi_disk.integrators import (
     INTEGRATORS,
     TAKAHASHI_IMADA,
     TRAPEZOIDAL,
-    VEFRL,
     VELOCITY_VERLET,
 )
 from taichi_disk.integrators.trapezoidal import factorise
@@ -231,27 +230,7 @@ def test_dashpots_are_solved_for_where_that_costs_less_than_the_steps_that_it_sa
         ),
         # the contact force jumps
         (("absorbing_wall", *SMALL[1:3], "wall.boundary=pinned"), VV),
-        # the boundary is reset: only small tolerances are worth four forces per step
-        (
-            (
-                "absorbing_wall",
-                *SMALL[1:3],
-                "wall.contact=smooth",
-                "time.tolerance=1e-7",
-            ),
-            VEFRL,
-        ),
-        (("absorbing_wall", *SMALL[1:3], "time.tolerance=1e-7"), VV),
-        (
-            (
-                "absorbing_wall",
-                *SMALL[1:3],
-                "wall.contact=smooth",
-                "time.tolerance=1e-6",
-            ),
-            VV,
-        ),
-        ((*SMALL, "time.tolerance=1e-7"), TAKAHASHI_IMADA),
+        # the boundary is reset
         (("absorbing_wall", *SMALL[1:3], "wall.contact=smooth"), VV),
         (
             (
@@ -318,7 +297,7 @@ def test_a_small_tolerance_is_reached_from_a_first_step_that_is_far_too_long(ker
 def test_a_run_within_a_tolerance_is_as_near_as_it_says(tolerance, kernels):
     # Compare with a run whose steps are so short that its error, of order 4, is below
     # 1e-9.
-    fine = ("time.integrator=vefrl", "time.safety=0.1")
+    fine = ("time.integrator=takahashi_imada", "time.safety=0.1")
     exact, run = computed(kernels, *SMALL, *fine, estimate=False)
     scenario, outcome = computed(kernels, *SMALL, f"time.tolerance={tolerance}")
     off = abs(

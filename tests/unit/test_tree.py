@@ -106,10 +106,10 @@ def faults(path: Path, text: str | bytes, *overrides: str) -> list[str]:
         (
             (
                 "wall: {friction: 0.1}\nmaterial: {eta_star: 0}\ntime: "
-                "{integrator: vefrl}\n"
+                "{integrator: takahashi_imada}\n"
             ),
             (
-                "4:20: time.integrator: vefrl cannot integrate "
+                "4:20: time.integrator: takahashi_imada cannot integrate "
                 "velocity-dependent forces (wall.friction = 0.1): write auto or "
                 "velocity_verlet"
             ),

@@ -126,7 +126,7 @@ def wild_scene(number: int) -> tuple[str, tuple[str, ...]]:
         ]
     undamped = kind == "exponential_wall" and eta_star == 0.0
     if undamped and rng.random() < 0.3:
-        settings.append("time.integrator=vefrl")
+        settings.append("time.integrator=takahashi_imada")
     return kind, tuple(settings)
 
 

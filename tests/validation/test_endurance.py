@@ -17,7 +17,6 @@ from taichi_disk.computation.stability import contact_point_force, spectrum, ste
 from taichi_disk.integrators import (
     TAKAHASHI_IMADA,
     TRAPEZOIDAL,
-    VEFRL,
     VELOCITY_VERLET,
     Integrator,
 )
@@ -66,7 +65,6 @@ def growth(simulation: Simulation, steps: int) -> float:
     [
         (VELOCITY_VERLET, 0.0),
         (TAKAHASHI_IMADA, 0.0),
-        (VEFRL, 0.0),
         (VELOCITY_VERLET, 100.0),
         (TRAPEZOIDAL, 100.0),
     ],
@@ -166,7 +164,6 @@ def test_the_energy_of_a_free_disk_does_not_drift_in_a_million_steps(
         (VELOCITY_VERLET, 0.8),
         (VELOCITY_VERLET, 0.4),
         (TAKAHASHI_IMADA, 0.8),
-        (VEFRL, 0.6),
     ):
         found = wander(kernels, integrator, False, fraction, 1_000_000)
         # Leapfrog's energy oscillates by up to (h omega/2)^2 in the fastest mode, but
@@ -216,4 +213,3 @@ def test_the_energy_of_a_bouncing_disk_wanders_as_the_square_of_the_step(
         assert max(abs(coarse.slope), abs(fine.slope)) < 0.02
         orders.append(np.log2(coarse.swing / fine.swing))
     assert np.median(orders) == pytest.approx(2.0, abs=0.5)
-    assert abs(wander(kernels, VEFRL, True, 0.6, 1_000_000).slope) < 0.02
