@@ -10,16 +10,23 @@ import os
 import sys
 import threading
 from collections.abc import Iterator
+from functools import lru_cache, partial
 from numbers import Integral
 from typing import Any, NoReturn
 
 from taichi_disk import engine
-from taichi_disk.engine.patches import remove_stale_lock
+from taichi_disk.engine import internals, owner
+from taichi_disk.engine.environment import remove_stale_lock
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.machine import cores
 from taichi_disk.signals import deferred_interrupts
 
 THREADS = "TAICHI_DISK_THREADS"
+# a call of the user that suits this package
+INIT = (
+    "ti.init(arch=ti.cpu, default_fp=ti.f64, fast_math=False,"
+    " real_matrix_scalarize=False)"
+)
 _LOCK = threading.RLock()
 _is_held = False  # whether a computation of the thread with the lock is in progress
 
@@ -61,37 +68,47 @@ def start(threads: int | None = None) -> None:
 
         if engine.program() is not None:
             _check_settings(ti)
-            if threads is not None:
-                _check_threads(ti, number)
-            return
-        # TI_ARCH would replace the CPU, and other processors lack double precision.
-        os.environ.pop("TI_ARCH", None)
-        remove_stale_lock()
-        try:
-            # hides Taichi's banner, because stdout is for results
-            with contextlib.redirect_stdout(io.StringIO()):
-                ti.init(
-                    arch=ti.cpu,
-                    default_fp=ti.f64,
-                    default_ip=ti.i32,
-                    # True is no faster here, and results would depend on how a kernel
-                    # is optimised
-                    fast_math=False,
-                    real_matrix_scalarize=False,  # see physics.law
-                    # no limit: Taichi Forge would warn of long unrolled loops over the
-                    # laws
-                    unrolling_limit=0,
-                    cpu_max_num_threads=number,
-                )
-        except RuntimeError as error:
-            raise TaichiDiskError(
-                f"Taichi cannot start: {error}; it reserves 1 GiB of memory, so raise"
-                " `ulimit -v`"
-            ) from None
+            if threads is None:
+                number = internals.settings(ti).cpu_max_num_threads
+            _check_threads(ti, number)
+        if engine.program() is None or owner.must_move():
+            _init(ti, number)
+
+
+def _init(ti: Any, threads: int) -> None:
+    settings = {
+        "arch": ti.cpu,
+        "default_fp": ti.f64,
+        "default_ip": ti.i32,
+        # True is no faster here, and results would depend on how a kernel is optimised
+        "fast_math": False,
+        "real_matrix_scalarize": False,  # see physics.law
+        # no limit: the fork would warn of long unrolled loops over the laws
+        "unrolling_limit": 0,
+        "cpu_max_num_threads": threads,
+    }
+    if engine.IS_FORK:
+        # Its default compiles faster, and a step then takes eleven times as long.
+        settings["compile_tier"] = "balanced"
+    remove_stale_lock()
+    # TI_ARCH would replace the CPU, and other processors lack double precision.
+    arch = os.environ.pop("TI_ARCH", None)
+    try:
+        # hides Taichi's banner, because stdout is for results
+        with contextlib.redirect_stdout(io.StringIO()):
+            owner.start(partial(ti.init, **settings))
+    except RuntimeError as error:
+        raise TaichiDiskError(
+            f"Taichi cannot start: {error}; it reserves 1 GiB of memory, so raise"
+            " `ulimit -v`"
+        ) from None
+    finally:
+        if arch is not None:
+            os.environ["TI_ARCH"] = arch
 
 
 def _check_settings(ti: Any) -> None:
-    settings = ti.lang.impl.current_cfg()
+    settings = internals.settings(ti)
     needed = {"arch": ti.cpu, "default_fp": ti.f64, "fast_math": False}
     others = []
     for name, value in needed.items():
@@ -99,15 +116,25 @@ def _check_settings(ti: Any) -> None:
         if found != value:
             others.append(f"{name}={found}".replace("Arch.", ""))
     if others:
-        line = "ti.init(arch=ti.cpu, default_fp=ti.f64, fast_math=False)"
         raise InputError(
             f"Taichi runs with {', '.join(others)}, which makes results wrong: replace"
-            f" your ti.init by {line}, or remove it"
+            f" your ti.init by {INIT}, or remove it"
         )
+    if settings.real_matrix_scalarize:
+        _advise(engine.program())
+
+
+@lru_cache(maxsize=1)
+def _advise(program: Any) -> None:
+    print(
+        "note: Taichi runs with real_matrix_scalarize=True, which makes a step up to"
+        f" 1.5 times as long: replace your ti.init by {INIT}, or remove it",
+        file=sys.stderr,
+    )
 
 
 def _check_threads(ti: Any, number: int) -> None:
-    current = ti.lang.impl.current_cfg().cpu_max_num_threads
+    current = internals.settings(ti).cpu_max_num_threads
     if number != current:
         raise InputError(
             f"threads: this process already computes with {current} threads and cannot"

@@ -16,25 +16,23 @@ from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from taichi_disk.engine import environment, patches
+from taichi_disk.engine import environment, internals
 
 if TYPE_CHECKING:
     import taichi as ti  # noqa: F401 (`__getattr__` returns it)
 
 NAME = next((name for name in ("taichi", "taichi_forge") if find_spec(name)), "taichi")
 PACKAGE = NAME.replace("_", "-")
-PATCHED = "taichi"  # engine to which `patches` and our shaders apply
+IS_FORK = NAME != "taichi"
 
 
 def __getattr__(name: str) -> Any:
     if name != "ti":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     environment.prepare()
-    if NAME == PATCHED:
-        patches.shorten_searches()
+    internals.shorten_searches()
     module = import_module(NAME)
-    if NAME == PATCHED:
-        patches.apply(module)
+    internals.patch(module)
     globals()["ti"] = module
     return module
 
@@ -49,7 +47,7 @@ def program() -> Any:
     module = loaded()
     if module is None:
         return None
-    return module.lang.impl.get_runtime().prog
+    return internals.program(module)
 
 
 def versions() -> dict[str, str]:

@@ -8,6 +8,8 @@ import os
 import shutil
 import sys
 import tempfile
+import time
+from contextlib import suppress
 from pathlib import Path
 
 CACHE = "TI_OFFLINE_CACHE_FILE_PATH"
@@ -17,6 +19,10 @@ DEFAULTS = {
     # else it sends version, platform and a random identity to its makers once a day
     "TI_SKIP_VERSION_CHECK": "ON",
 }
+
+# a lock of this age is stale [s]; the engine holds the lock of its cache for less than
+# 1 s
+STALE = 60.0
 
 
 def cache_folder() -> Path:
@@ -62,3 +68,12 @@ def prepare() -> None:
         file=sys.stderr,
     )
     os.environ["HOME"] = folder
+
+
+def remove_stale_lock() -> None:
+    """Remove the lock that a killed process has left in the cache, because the engine
+    would not use a locked cache."""
+    lock = cache_folder() / "ticache.lock"
+    with suppress(OSError):  # there is no lock, or another process has removed it
+        if time.time() - lock.stat().st_mtime > STALE:
+            lock.unlink()

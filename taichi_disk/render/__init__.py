@@ -15,11 +15,11 @@ def film_problem() -> str | None:
     """Return why this machine cannot make films, with the command that helps, or None.
     Needs no `ti.init`."""
     try:
-        from taichi_disk.engine import ti
+        from taichi_disk.engine import internals, ti
     except ImportError as error:
         return f"Taichi cannot be loaded ({error}); as root: {REMEDY}"
     with _silent_stderr():
-        has_vulkan = ti._lib.core.with_vulkan()
+        has_vulkan = internals.has_vulkan(ti)
     if not has_vulkan:
         return (
             "there is no Vulkan driver here, which draws the pictures of MP4, WebM, GIF"

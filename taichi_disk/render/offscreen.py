@@ -6,7 +6,7 @@ import os
 import tempfile
 from pathlib import Path
 
-from taichi_disk.engine import program, ti
+from taichi_disk.engine import internals, ti
 from taichi_disk.errors import NoPictures
 from taichi_disk.render import shaders
 
@@ -31,9 +31,7 @@ class Window(ti.ui.Window):
             options = _PLACE, False, False, _MAX_RATE, self._folder.name
             try:
                 shaders.copy_into(Path(self._folder.name, "shaders"))
-                self.window = ti._lib.core.PyWindow(
-                    program(), TITLE, size, *options, ti.cfg.arch
-                )
+                self.window = internals.native_window(ti, TITLE, size, *options)
             except (OSError, RuntimeError, TypeError):
                 self._folder.cleanup()
                 self.is_soft = False

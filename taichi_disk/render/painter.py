@@ -4,13 +4,12 @@ stills."""
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_disk.engine import ti
+from taichi_disk.engine import internals, ti
 from taichi_disk.fields import QUANTITIES, Triangles, at_points, own_values
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.triangles import double_area
@@ -20,7 +19,7 @@ from taichi_disk.render.geometry import ARROW, VELOCITY_ARROW, ArrowStyle, Camer
 from taichi_disk.render.palette import LEVELS, THEMES, colour_map, map_kind
 
 Vertices = NDArray[np.float32]
-get_field_info = import_module(f"{ti.__name__}.ui.utils").get_field_info
+get_field_info = internals.field_info(ti)
 
 # length of a GGUI vertex: position (3), normal (3), texture (2), colour (4)
 VERTEX = 12

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from taichi_disk import engine
-from taichi_disk.engine import ti
+from taichi_disk.engine import owner, ti
+from taichi_disk.engine.internals import field_builder
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.integrators import LARGEST_FACTORISED, Integrator
 from taichi_disk.integrators.conjugate_gradients import (
@@ -97,7 +98,13 @@ class Simulation:
         self._capacity = Capacity(
             *map(_doubled, _needed(lattice, arrangement, factor), MIN_CAPACITY)
         )
-        builder = ti.FieldsBuilder()
+        # The user's own laws make fields, too, and may fail.
+        with field_builder(ti) as builder:
+            self._make_fields(builder, factor)
+            self._tree = owner.call(builder.finalize)
+            self._start(lattice, model, velocities, dt, arrangement, factor)
+
+    def _make_fields(self, builder: Any, factor: Dashpots) -> None:
         for law in self.model.laws:
             law.make_fields(builder, self._capacity)
         self.state = PointFields(
@@ -105,10 +112,10 @@ class Simulation:
             self._capacity,
             self.subdomains,
             self.model,
-            integrator.correction != 0.0,
+            self.integrator.correction != 0.0,
         )
         components = 1
-        if model.impedance is not None:
+        if self.model.impedance is not None:
             components = 2
         solver: DashpotSolver | None = None
         if isinstance(factor, Diagonal):
@@ -122,14 +129,12 @@ class Simulation:
             self.state.vectors += solver.previous
         elif factor is not None:
             solver = DashpotSolver(builder, self._capacity, components)
-        parts = self.state, self.model, integrator, solver
+        parts = self.state, self.model, self.integrator, solver
         self.kernels: Kernels
         if self.subdomains > 1:
             self.kernels = SubdomainKernels(*parts, builder, self.subdomains)
         else:
             self.kernels = Kernels(*parts)
-        self._tree = builder.finalize()
-        self._start(lattice, model, velocities, dt, arrangement, factor)
 
     def restart(
         self,
@@ -199,12 +204,11 @@ class Simulation:
             contents += law.contents(lattice, arrangement)
         if self.kernels.solver is not None:
             contents += self.kernels.solver.contents(factor)
-        written = state.begin(numbers, contents)
+        written = owner.call(state.begin, numbers, contents)
         self.load = Load(lattice, model, dt, arrangement, written)
         rows = np.empty((1, len(INDEX)))
-        self.kernels.advance(
-            -1, 1, 1, rows, bounds_array({}), np.array([NEVER, 0, 0, 0], np.int32)
-        )
+        counts = np.array([NEVER, 0, 0, 0], np.int32)
+        owner.call(self.kernels.advance, -1, 1, 1, rows, bounds_array({}), counts)
         self.first_row = self.now = rows[0]
 
     def write_again(self, load: Load) -> None:
@@ -212,7 +216,7 @@ class Simulation:
         has to follow."""
         self._take(load.lattice, load.model, load.dt, load.arrangement)
         self.load = load
-        self.state.begin_again(load.written)
+        owner.call(self.state.begin_again, load.written)
 
     def _take(
         self, lattice: Lattice, model: Model, dt: float, arrangement: Arrangement
@@ -273,7 +277,8 @@ class Simulation:
         if bounds is None:
             bounds = bounds_array({})
         counts = np.array([needed, settled, 0, 0], np.int32)
-        self.kernels.advance(self.step_number, steps, stride, rows, bounds, counts)
+        limits = rows, bounds, counts
+        owner.call(self.kernels.advance, self.step_number, steps, stride, *limits)
         _, settled, made, count = counts.tolist()
         self.step_number += made
         if steps:
@@ -293,10 +298,11 @@ class Simulation:
 
     def snapshot(self) -> Snapshot:
         """Return a copy of the state, from which `restore` continues bitwise."""
-        return self.state.export(len(self.lattice.positions), self.step_number)
+        n = len(self.lattice.positions)
+        return owner.call(self.state.export, n, self.step_number)
 
     def restore(self, snapshot: Snapshot) -> None:
-        self.state.restore(snapshot)
+        owner.call(self.state.restore, snapshot)
         self.step_number = snapshot.step
 
     def positions(self, snapshot: Snapshot | None = None) -> Array:
@@ -318,7 +324,7 @@ class Simulation:
     ) -> float:
         """Tie `point` (-1: none) to the mouse at `target` [R], and return the jump of
         `load` [M c^2]."""
-        return float(self.kernels.set_mouse_target(point, *target))
+        return float(owner.call(self.kernels.set_mouse_target, point, *target))
 
     @property
     def is_alive(self) -> bool:
@@ -328,7 +334,7 @@ class Simulation:
 
     def destroy(self) -> None:
         self.generation = -1
-        self._tree.destroy()
+        owner.call(self._tree.destroy)
 
 
 class KernelCache:

@@ -293,23 +293,40 @@ def test_what_cannot_be_computed_as_given_is_refused(result, tmp_path):
 THREADS = """
 from concurrent.futures import ThreadPoolExecutor
 from taichi_disk import load_scene, run
-scene = load_scene("exponential_wall").with_(points=60)
-alone = run(scene, lattices=1)
+scenes = [
+    load_scene("exponential_wall", ["lattice.points=30", *changes])
+    for changes in ([], ["material.eta_star=0"], ["impact.spin=0.1"])
+]
+scenes.append(load_scene("absorbing_wall", ["lattice.points=30", "wall.points=50"]))
 
-def again(k):
-    result = run(scene, lattices=1) if k % 2 else alone
+def computed(k):
+    result = run(scenes[k % len(scenes)], lattices=1)
     state = result.state(5.0)
     moved = result.trajectory([1.0, 4.0])[1]
     return result.restitution, state.positions.tobytes(), moved.tobytes()
 
-with ThreadPoolExecutor(4) as threads:
-    assert set(threads.map(again, range(24))) == {again(0)}
+def by_threads():
+    with ThreadPoolExecutor(4) as threads:
+        return list(threads.map(computed, range(2 * len(scenes))))
+
+def by_this_thread():
+    return [computed(k) for k in range(len(scenes))]
+
+results = {name: globals()[name]() for name in ("FIRST", "SECOND")}
+assert results["by_threads"] == 2 * results["by_this_thread"]
 """
 
 
-@pytest.mark.validate
-def test_threads_take_turns_with_the_results_of_one():
-    assert subprocess.run([sys.executable, "-c", THREADS]).returncode == 0
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ("by_this_thread", "by_threads"),
+        pytest.param("by_threads", "by_this_thread", marks=pytest.mark.validate),
+    ],
+)
+def test_threads_that_compute_different_scenes_have_the_results_of_one(first, second):
+    code = THREADS.replace("FIRST", first).replace("SECOND", second)
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
 
 
 ONE_NUMBER = """

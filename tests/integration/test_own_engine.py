@@ -22,11 +22,14 @@ from taichi_disk.engine import ti
 result = run({SMALL}, lattices=1)
 before = result.state(1.0)
 result.film("one.mp4")
+import os
+os.environ["TI_ARCH"] = "x64"
 ti.init(arch=ti.cpu, default_fp=ti.f64, fast_math=False)
 assert (result.state(1.0).positions == before.positions).all()
 ti.reset()
 result.film("two.mp4")
 assert open("one.mp4", "rb").read() == open("two.mp4", "rb").read()
+assert os.environ["TI_ARCH"] == "x64"
 """
 BEFORE = f"""
 from taichi_disk import run
@@ -65,6 +68,7 @@ def python(folder, *arguments, **changes):
 def test_an_old_result_outlives_the_user_s_own_init_and_reset(tmp_path):
     done = python(tmp_path, "-c", AFTER)
     assert done.returncode == 0, done.stderr
+    assert done.stderr.count("note: Taichi runs with real_matrix_scalarize=True") == 1
 
 
 @pytest.mark.validate
@@ -79,7 +83,10 @@ def test_an_engine_started_with_other_settings_is_refused_with_the_line_to_write
         f"Taichi runs with {option}"
         for option in ("default_fp=f32", "fast_math=True", "arch=vulkan")
     ] or done.stderr
-    line = "ti.init(arch=ti.cpu, default_fp=ti.f64, fast_math=False)"
+    line = (
+        "ti.init(arch=ti.cpu, default_fp=ti.f64, fast_math=False,"
+        " real_matrix_scalarize=False)"
+    )
     assert len(messages) == 3 and all(line in message for message in messages), (
         done.stdout + done.stderr
     )

@@ -12,9 +12,11 @@ from bodies import FALLING, damped, disk, moving_down
 from numpy.testing import assert_array_equal
 
 from taichi_disk import runtime
+from taichi_disk.engine import ti
 from taichi_disk.integrators import TRAPEZOIDAL, VELOCITY_VERLET
 from taichi_disk.lattice import Lattice
 from taichi_disk.physics import (
+    BodyForce,
     Boundary,
     ElasticWall,
     ExponentialWall,
@@ -200,6 +202,34 @@ def test_a_lattice_with_other_rest_lengths_alone_is_another_lattice(kernels):
             force, FALLING.forces(body, body.positions), rtol=0, atol=1e-15
         )
     assert np.abs(force).max() > 0.01
+
+
+@ti.data_oriented
+class FailingLaw(BodyForce):
+    def make_fields(self, builder, capacity):
+        self.extra = ti.field(ti.f64)
+        builder.dense(ti.i, 5).place(self.extra)
+        raise OSError("a slip")
+
+
+@ti.data_oriented
+class LawWithoutPlace(BodyForce):
+    def make_fields(self, builder, capacity):
+        self.extra = ti.field(ti.f64)
+
+
+@pytest.mark.parametrize(
+    ("law", "message"),
+    [(FailingLaw(), "a slip"), (LawWithoutPlace(), "not placed")],
+)
+def test_after_a_user_s_law_that_fails_other_laws_are_computed(law, message, kernels):
+    lattice = disk(30, height=1.0)
+    v = moving_down(lattice, 0.05)
+    with pytest.raises((OSError, RuntimeError), match=message):
+        Simulation(lattice, replace(FALLING, others=(law,)), VV, v, 1e-3)
+    other = replace(FALLING, others=(Load(1.0),))  # must be compiled
+    row = Simulation(lattice, other, VV, v, 1e-3).advance(1)[0][-1]
+    assert row[INDEX["com_vy"]] == pytest.approx(-0.05 - 1e-3)
 
 
 def test_a_simulation_does_not_become_one_of_other_laws_or_of_no_room(kernels):

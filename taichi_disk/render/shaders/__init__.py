@@ -28,7 +28,7 @@ REPLACED = {
 
 def fit_engine() -> bool:
     """Return whether the engine has the shaders that ours replace, and no others."""
-    if engine.NAME != engine.PATCHED:  # the fork's window holds more than Taichi's
+    if engine.IS_FORK:  # the fork's window holds more than Taichi's
         return False
     folder = _engine_folder()
     return all(_digest(folder / name) == digest for name, digest in REPLACED.items())
