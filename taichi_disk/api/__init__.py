@@ -54,11 +54,13 @@ class Result(Outcome):
     out: Path | None = None
 
     def __repr__(self) -> str:
-        name, value = next(iter(self.numbers.items()))
-        number = " ".join(shown(value, self.error, exact=self.scenario.static))
+        number = headline(self.summary, self.scenario.words.labels)
+        if not number:
+            name, value = next(iter(self.numbers.items()))
+            parts = shown(value, self.error, exact=self.scenario.static)
+            number = " ".join((name, *parts)).strip()
         return (
-            f"Result({self.scene.scene}, {self.lattice.disk_points} points, {name}"
-            f" {number})".replace(" )", ")")
+            f"Result({self.scene.scene}, {self.lattice.disk_points} points, {number})"
         )
 
     def _repr_html_(self) -> str:
@@ -125,12 +127,18 @@ class Result(Outcome):
         return self._over_lattices("standard_error")
 
     @property
+    def interval_95(self) -> list[float] | None:
+        """Limits of the 95 % confidence interval of `mean`, by Student's t; None if
+        only this lattice was computed."""
+        return self._over_lattices("interval_95")
+
+    @property
     def scatter(self) -> float | None:
         """Standard deviation of the primary result from lattice to lattice; None if
         only this one was computed."""
         return self._over_lattices("standard_deviation")
 
-    def _over_lattices(self, statistic: str) -> float | None:
+    def _over_lattices(self, statistic: str) -> Any:
         name = next(iter(self.numbers))
         return self.summary.get("lattices", {}).get(name, {}).get(statistic)
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.special import stdtrit
 
 from taichi_disk.computation.outcome import ESTIMATE_UP_TO, Outcome
 from taichi_disk.errors import TaichiDiskError
@@ -77,20 +78,20 @@ def compare_lattices(
     """Compute the results on `count` lattices, and return their statistics for
     summary.json. The seeds are consecutive and begin with the scene's.
 
-    Returns `seeds` and, for each result, its `values`, their `mean`,
-    `standard_deviation` and the `standard_error` of the mean. Seeds without a result
-    are left out and named in the warnings of the outcome's summary.
+    Returns `seeds` and, for each result and `vibration_left`, `statistics_of` its
+    values. Seeds without a result are left out and named in the warnings of the
+    outcome's summary.
     """
     scene: Scene = outcome.scenario.scene
     seeds = [scene.lattice.seed]
-    results = [outcome.scenario.result(outcome.series)]
+    results = [_numbers(outcome)]
     for number in range(1, count):
         progress("lattices", number - 1, count - 1)
         seed = (scene.lattice.seed + number) % 2**32
         sample = replace(scene, lattice=replace(scene.lattice, seed=seed))
         try:
             other = outcome_of(sample, force=force, estimate=False)
-            results.append(other.scenario.result(other.series))
+            results.append(_numbers(other))
             seeds.append(seed)
         # The scene's own result is complete, whatever happens to another lattice.
         except Exception as error:
@@ -107,16 +108,33 @@ def compare_lattices(
     return comparison
 
 
+def _numbers(outcome: Outcome) -> dict[str, float]:
+    numbers = dict(outcome.scenario.result(outcome.series))
+    if outcome.scenario.is_thrown:
+        numbers["vibration_left"] = outcome.summary["energy"]["vibration_left"]
+    return numbers
+
+
 def statistics_of(values: list[float]) -> dict[str, Any]:
-    """Return `values` with their mean, their standard deviation and the standard error
-    of the mean, each in the unit of the values."""
+    """Return `values` with their mean, their standard deviation, the standard error of
+    the mean and its `interval_95`, each in the unit of the values."""
+    mean = float(np.mean(values))
     deviation = float(np.std(values, ddof=1))
+    error = deviation / len(values) ** 0.5
+    half_width = half_width_95(error, len(values))
     return {
         "values": values,
-        "mean": float(np.mean(values)),
+        "mean": mean,
         "standard_deviation": deviation,
-        "standard_error": deviation / len(values) ** 0.5,
+        "standard_error": error,
+        "interval_95": [mean - half_width, mean + half_width],
     }
+
+
+def half_width_95(standard_error: float, count: int) -> float:
+    """Return half of the width of the 95 % confidence interval of a mean of `count` >=
+    2 values by Student's t, which allows for a scatter that few values show badly."""
+    return float(stdtrit(count - 1, 0.975)) * standard_error
 
 
 def _reason(error: Exception) -> str:

@@ -15,10 +15,7 @@ Labels: TypeAlias = Mapping[str, tuple[str, str]]
 MAX_ROUNDING = 1e-12  # smaller values are rounding errors
 DIGITS = 8  # printed digits of a result that does not depend on a time step
 UNESTIMATED_DIGITS = 4  # printed digits of a result whose error has not been estimated
-FEW_LATTICES = 5  # fewer do not show well how far their mean is off
-# errors of a mean and scatters are printed as 0.0002 from here on, smaller ones as 2e-5
-PLAIN_ERROR = 1e-4
-PLAIN_SCATTER = 1e-3
+PLAIN_ERROR = 1e-4  # errors from here on are printed as 0.00021, smaller ones as 2.1e-5
 UNESTIMATED = "(error of the time step not estimated)"
 
 
@@ -59,55 +56,40 @@ def _result_rows(
 ) -> Iterator[tuple[str, str, str]]:
     """Yield the line to quote, if there are several lattices, and the line of this
     lattice."""
+    mean = over_lattices(summary, key)
+    seeds = summary.get("lattices", {}).get("seeds", [])
+    if mean is None and len(seeds) > 1:
+        remark = "(this lattice only: another has no such result)"
+        yield name, shown(summary[key], None)[0], f"{unit} {remark}".strip()
+        return
     has_steps = "dt" in summary
     errors = summary.get("error_estimate") or {}
+    source = summary.get("error_source", "time step")
     value, error = shown(
         summary[key],
         errors.get(key),
         exact=not has_steps,
-        source=summary.get("error_source", "time step"),
+        source=f"{source}, this lattice only",
     )
     if has_steps and not errors:
         error = UNESTIMATED
-    mean = over_lattices(summary, key)
     if mean is not None:
         yield name, mean[0], f"{unit} {mean[1]}".strip()
-        name = f"  of this lattice, seed {summary['seed']}"
+        name = f"  seed {summary['seed']}"
     yield name, value, f"{unit} {error}".strip()
 
 
 def over_lattices(summary: Summary, key: str) -> tuple[str, str] | None:
-    """Return the mean of a result over lattices and a text with its standard error and
+    """Return the mean of a result over lattices and a text with its 95 % interval and
     the scatter, or None if there is only one lattice."""
     lattices = summary.get("lattices", {})
     if key not in lattices:
         return None
     found = lattices[key]
-    count = len(lattices["seeds"])
-    lattices_text = f"{count} lattices"
-    if count < FEW_LATTICES:
-        lattices_text = f"only {lattices_text}"
-    mean, error = quoted(found["mean"], found["standard_error"])
-    scatter = _one_digit(found["standard_deviation"], PLAIN_SCATTER)
-    source = f"mean of {lattices_text}"
-    return mean, f"± {error} ({source}), lattice to lattice {scatter}"
-
-
-def quoted(value: float, error: float) -> tuple[str, str]:
-    """Format a mean and its standard error [both in the same unit], which has one
-    digit: of eight values it is uncertain by a quarter. The mean gets the same last
-    digit."""
-    rounded = Decimal(f"{max(error, _smallest_error(value)):.0e}")
-    last_digit = Decimal(1).scaleb(min(0, rounded.adjusted()))
-    text = _plain_or_power(Decimal(repr(value)).quantize(last_digit), value, error)
-    return text, _one_digit(float(rounded), PLAIN_ERROR)
-
-
-def _one_digit(number: float, plain_from: float) -> str:
-    digit = Decimal(f"{number:.0e}")
-    if number >= plain_from:
-        return f"{digit:f}"
-    return f"{digit:e}"
+    source = f"95 % interval, mean of {len(lattices['seeds'])} lattices"
+    half_width = found["interval_95"][1] - found["mean"]
+    mean, error = shown(found["mean"], half_width, source=source)
+    return mean, f"{error}, lattice to lattice {found['standard_deviation']:.2g}"
 
 
 def headline(summary: Summary, labels: Labels) -> str:
@@ -135,7 +117,7 @@ def shown(
     last_digit = Decimal(1).scaleb(min(0, bound.adjusted() - 1))
     rounded = bound.quantize(last_digit, ROUND_CEILING)
     text = _plain_or_power(Decimal(repr(value)).quantize(last_digit), value, error)
-    style = "f" if error >= 1e-3 else "e"
+    style = "f" if rounded >= PLAIN_ERROR else "e"
     return text, f"± {rounded:{style}} ({source})"
 
 

@@ -7,10 +7,11 @@ import json
 
 import numpy as np
 import pytest
-from scipy.stats import sem
+from scipy.stats import sem, t
 
 from taichi_disk import Lattice, load_scene, load_sweep, run, run_sweep
 from taichi_disk.api import lattices
+from taichi_disk.api.lattices import half_width_95
 from taichi_disk.cli import main
 from taichi_disk.errors import InputError, SimulationError
 
@@ -46,7 +47,13 @@ def test_mean_and_scatter_are_those_of_a_sweep_over_the_same_seeds_to_all_digits
     rows = run_sweep(load_sweep(nested), tmp_path / "sweep", jobs=1).rows
     found = json.loads((tmp_path / "run" / "summary.json").read_text())["lattices"]
     assert found.pop("seeds") == [3, 4, 5, 6]
+    thrown = kind != "compression"
+    vibration = found.pop("vibration_left", None)
     assert list(found) == list(result.numbers)
+    assert (vibration is not None) == thrown
+    if thrown:
+        assert vibration["values"][0] == result.summary["energy"]["vibration_left"]
+        assert len(set(vibration["values"])) == 4
     for name, summary in found.items():
         values = [row[name] for row in rows]
         assert summary == {
@@ -54,14 +61,26 @@ def test_mean_and_scatter_are_those_of_a_sweep_over_the_same_seeds_to_all_digits
             "mean": np.mean(values),
             "standard_deviation": np.std(values, ddof=1),
             "standard_error": pytest.approx(sem(values), rel=1e-12),
+            "interval_95": pytest.approx(
+                np.mean(values) + t.ppf([0.025, 0.975], 3) * sem(values), rel=1e-12
+            ),
         }
     primary = found[next(iter(found))]
     assert result.mean == primary["mean"]
     assert result.scatter == primary["standard_deviation"] > 0.0
     assert result.standard_error == primary["standard_error"]
+    assert result.interval_95 == primary["interval_95"]
     assert {
         name: summary["values"][0] for name, summary in found.items()
     } == result.numbers
+
+
+def test_an_interval_of_95_per_cent_misses_one_mean_in_twenty():
+    samples = np.random.default_rng(1).standard_normal((20_000, 8))
+    errors = sem(samples, axis=1)
+    half_widths = [half_width_95(error, 8) for error in errors]
+    missed = np.abs(samples.mean(axis=1)) > half_widths
+    assert missed.mean() == pytest.approx(0.05, abs=0.005)
 
 
 def test_eight_lattices_are_computed_up_to_5000_points(monkeypatch):
@@ -71,6 +90,7 @@ def test_eight_lattices_are_computed_up_to_5000_points(monkeypatch):
     assert "notes" not in result.summary
     alone = run(scene, lattices=1)
     assert alone.scatter is alone.mean is alone.standard_error is None
+    assert alone.interval_95 is None
     assert not {"lattices", "notes"} & set(alone.summary)
     assert alone.numbers == result.numbers
     assert alone.error == result.error
@@ -192,21 +212,23 @@ def test_screen_card_and_plot_begin_with_the_mean_and_the_scatter(tmp_path, caps
     assert first.startswith("restitution e ")
     quoted, remark = first[14:].split("±")
     error, of, scatter = remark.partition(
-        " (mean of only 4 lattices), lattice to lattice "
+        " (95 % interval, mean of 4 lattices), lattice to lattice "
     )
     assert of
-    # one digit of the standard error, and a mean that ends where it does
-    assert float(error) == pytest.approx(values["standard_error"], rel=0.34)
-    assert float(scatter) == pytest.approx(values["standard_deviation"], rel=0.34)
-    assert abs(float(quoted) - values["mean"]) <= 0.5 * float(error)
-    assert second.split("±")[0].split()[:-1] == ["of", "this", "lattice,", "seed", "3"]
-    assert "(time step)" in second
+    low, high = values["interval_95"]
+    assert float(error) == pytest.approx(0.5 * (high - low), rel=0.1)
+    assert float(error) >= 0.5 * (high - low)
+    assert float(scatter) == pytest.approx(values["standard_deviation"], rel=0.05)
+    assert abs(float(quoted) - values["mean"]) <= 0.05 * float(error)
+    assert second.split("±")[0].split()[:-1] == ["seed", "3"]
+    assert "(time step, this lattice only)" in second
     assert float(second.split("±")[0].split()[-1]) == pytest.approx(
         found["restitution"], abs=1e-4
     )
     result = run(load_scene("exponential_wall").with_(SMALL), lattices=4)
     assert first.split()[2] in result.plot()._suptitle.get_text()
     assert first.split()[2] in result._repr_html_()
+    assert first.split()[2] in repr(result)
     assert (
         "lattices"
         not in run(load_scene("exponential_wall").with_(SMALL), lattices=1)
