@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -17,6 +18,7 @@ from taichi_disk.config.sections import VideoSection
 from taichi_disk.config.tree import shipped_scenes
 from taichi_disk.errors import InputError, TaichiDiskError, system_message
 from taichi_disk.machine import cores
+from taichi_disk.notices import NOTICES
 from taichi_disk.progress import terminal
 from taichi_disk.signals import INTERRUPTED, raise_if_interrupted
 
@@ -36,6 +38,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv is None:
         argv = sys.argv[1:]
     given = list(argv)
+    NOTICES.handlers = [_Notes()]
+    NOTICES.setLevel(logging.INFO)
     try:
         parser = _parser()
         if not given:
@@ -86,8 +90,11 @@ def _print_error(text: str) -> None:
         print(text, file=sys.stderr, flush=True)
 
 
-def _say(text: str) -> None:
-    _print_error(f"note: {text}")
+class _Notes(logging.Handler):
+    """Prints notices."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        _print_error(f"note: {record.getMessage()}")
 
 
 def _load(arguments: argparse.Namespace, what: str = "scene") -> Any:
@@ -127,7 +134,6 @@ def _run(arguments: argparse.Namespace) -> int:
     )
     options |= {
         "count_on": arguments.out is None,
-        "say": _say,
         "started": perf_counter() - BEGAN,
     }
     with terminal(sys.stderr) as progress:
@@ -135,7 +141,7 @@ def _run(arguments: argparse.Namespace) -> int:
     summary = result.summary
     print_result(summary, result.scenario.words.labels, result.out)
     for text in summary.get("notes", ()):
-        _say(text)
+        NOTICES.info(text)
     reasons = [summary.get("video_error"), summary.get("export_error")]
     if summary["status"] != "done":
         reasons.append(summary["reason"])
@@ -153,7 +159,7 @@ def _sweep(arguments: argparse.Namespace) -> int:
     options = _options(arguments, "jobs", "scheduler", "part", "estimate")
     with terminal(sys.stderr) as progress:
         result = run_sweep(
-            sweep, _out(arguments), progress=progress, say=_say, **options
+            sweep, _out(arguments), progress=progress, say=NOTICES.info, **options
         )
     print_sweep(result)
     return int(bool(result.failed))
@@ -201,7 +207,7 @@ def _render(arguments: argparse.Namespace) -> None:
         if value is not None
     ]
     with terminal(sys.stderr) as progress:
-        load = partial(Result.load, progress=progress, estimate=False, say=_say)
+        load = partial(Result.load, progress=progress, estimate=False)
         result = load(arguments.folder, overrides)
         compared = [load(folder) for folder in arguments.compare]
         out = arguments.out
@@ -231,9 +237,9 @@ def _export(arguments: argparse.Namespace) -> None:
     form = arguments.format
     if not form and not arguments.out:
         form = "xyz"
-    result = Result.load(arguments.folder, say=_say)
+    result = Result.load(arguments.folder)
     target = arguments.out or arguments.folder
-    out = result.export(target, form, arguments.frames, arguments.times, say=_say)
+    out = result.export(target, form, arguments.frames, arguments.times)
     print(f"trajectory in {out}")
 
 

@@ -19,6 +19,7 @@ from taichi_disk.engine import internals, owner
 from taichi_disk.engine.environment import remove_stale_lock
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.machine import cores
+from taichi_disk.notices import NOTICES
 from taichi_disk.signals import deferred_interrupts
 
 THREADS = "TAICHI_DISK_THREADS"
@@ -126,10 +127,9 @@ def _check_settings(ti: Any) -> None:
 
 @lru_cache(maxsize=1)
 def _advise(program: Any) -> None:
-    print(
-        "note: Taichi runs with real_matrix_scalarize=True, which makes a step up to"
-        f" 1.5 times as long: replace your ti.init by {INIT}, or remove it",
-        file=sys.stderr,
+    NOTICES.warning(
+        "Taichi runs with real_matrix_scalarize=True, which makes a step up to 1.5"
+        f" times as long: replace your ti.init by {INIT}, or remove it"
     )
 
 

@@ -76,3 +76,10 @@ def kernels():
 
     runtime.start()
     return shared_kernels()
+
+
+@pytest.fixture
+def notices(caplog):
+    """What the program tells its user: `notices.messages`."""
+    caplog.set_level("INFO", "taichi_disk")
+    return caplog

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from inspect import signature
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, cast
-from warnings import warn
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from taichi_disk.computation.outcome import Outcome
 from taichi_disk.config.tree import Source, as_path
 from taichi_disk.errors import InputError, did_you_mean, nearest
 from taichi_disk.lattice import Array, Lattice, disk_of, numbers
+from taichi_disk.notices import NOTICES
 from taichi_disk.output import files
 from taichi_disk.output.artist import drawing_process
 from taichi_disk.output.report import headline, rows, shown
@@ -226,7 +226,6 @@ class Result(Outcome):
         format: str | None = None,
         frames: int = FRAMES,
         times: Sequence[float] | Array | None = None,
-        say: Callable[[str], None] = lambda text: None,
     ) -> Path:
         """Write a trajectory for another program and return the path of the file.
 
@@ -237,7 +236,6 @@ class Result(Outcome):
             frames: number of moments, evenly spaced in time.
             times: ascending times within the run to use instead [R/c]; the states are
                 those of the nearest steps.
-            say: receives a sentence if a state is not at the time in `times`.
 
         Raises InputError for times outside the run, an unknown format, or one whose
         package is not installed.
@@ -267,7 +265,7 @@ class Result(Outcome):
             at = ", ".join(f"{t:.6g}" for t in exported[:MAX_NAMED_TIMES])
             if len(exported) > MAX_NAMED_TIMES:
                 at += ", …"
-            say(f"the states are those of the nearest steps, at t = {at} R/c")
+            NOTICES.info("the states are those of the nearest steps, at t = %s R/c", at)
         return file
 
     def _states(self, times: Any) -> Iterator[State]:
@@ -451,7 +449,6 @@ class Result(Outcome):
         overrides: Sequence[str] = (),
         progress: Progress | None = None,
         estimate: bool = True,
-        say: Callable[[str], None] = warn,
     ) -> Result:
         """Compute a finished run again from its scene.yaml and return the result,
         bitwise the same.
@@ -462,10 +459,9 @@ class Result(Outcome):
             progress: called as for `run`.
             estimate: whether to estimate the time-step error again, which doubles the
                 work.
-            say: receives a notice if the result is not the one in summary.json.
 
-        Raises InputError if there is no run, or if a lattice of the user's in
-        lattice.npz has been changed.
+        Warns if the result is not the one in summary.json. Raises InputError if there
+        is no run, or if a lattice of the user's in lattice.npz has been changed.
         """
         folder = as_path(folder, "folder")
         path = folder / "scene.yaml"
@@ -489,7 +485,7 @@ class Result(Outcome):
         name, value = outcome.scenario.primary(outcome.series)
         stored = summary.get(name, value)
         if stored != value:
-            say(
+            NOTICES.warning(
                 f"{folder}: {name} is {value!r} now, and {stored!r} in summary.json:"
                 " scene.yaml, summary.json or a version has been changed since the run"
             )
@@ -512,7 +508,6 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
     threads: int | None = None,
     lattices: int | None = None,
     progress: Progress | None = None,
-    say: Callable[[str], None] = lambda text: None,
     started: float = 0.0,
     **changes: Any,
 ) -> Result:
@@ -540,8 +535,6 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
             or the number of equilibria, "lattices" with the number of lattices,
             "render" with the number of pictures. It must not compute, film or examine a
             result.
-        say: receives notices for the user, such as a changed output folder or the cost
-            of a long run.
         started: time that the process has taken before [s], for the wall clock of the
             summary.
         changes: keys of the scene and their values.
@@ -567,7 +560,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
     # reads the files of a lattice and velocities only once, because they may change
     work = Work(scene, lattice, velocities, progress, started)
     own = work.own
-    options: dict[str, Any] = {"lattices": lattices, "force": force, "say": say}
+    options: dict[str, Any] = {"lattices": lattices, "force": force}
     if out is None:
         if export:
             raise InputError("export: needs a folder, `out`")
@@ -575,7 +568,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
         return Result(**vars(outcome))
     out = as_path(out, "out")
     text = own.repeating(work.scene).to_yaml()
-    with run_folder(out, text, count_on, overwrite, say, own.digest) as folder:
+    with run_folder(out, text, count_on, overwrite, own.digest) as folder:
         if export:
             from taichi_disk.output.export import check_export
 

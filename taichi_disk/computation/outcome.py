@@ -22,7 +22,6 @@ from taichi_disk.computation.error_estimate import (
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.stability import Spectrum, TimeStep, spectrum
 from taichi_disk.computation.step_control import StepControl
-from taichi_disk.computation.workload import announcement
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
 from taichi_disk.progress import Progress, silent
@@ -64,7 +63,6 @@ def compute(
     force: bool = False,
     estimate: bool = True,
     loads: int = LOADS,
-    say: Callable[[str], None] = lambda text: None,
 ) -> Outcome:
     """Compute `scenario` to its end.
 
@@ -75,7 +73,6 @@ def compute(
             triangles, unless that takes long.
         loads: number of equilibria of a quasi-static loading; 1: only the full load,
             with bitwise the same result.
-        say: receives the cost of a long run before it begins.
 
     Raises InputError if the user's step is beyond the stability limit, SimulationError
     if the scene does not end in time or its energy balance is lost, BlowUp if the state
@@ -90,9 +87,6 @@ def compute(
         nonlocal attempts
         attempts += 1
         driver = Driver(scenario, step, kernels)
-        cost = announcement(driver)
-        if cost:
-            say(cost)
         progress("simulate", 0.0, scenario.max_time)
         while driver.advance(seconds=0.1) == "running":
             progress("simulate", driver.simulation.time, scenario.max_time)

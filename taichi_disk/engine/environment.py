@@ -12,6 +12,8 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+from taichi_disk.notices import NOTICES
+
 CACHE = "TI_OFFLINE_CACHE_FILE_PATH"
 DEFAULTS = {
     "ENABLE_TAICHI_HEADER_PRINT": "0",
@@ -63,9 +65,8 @@ def prepare() -> None:
     folder = tempfile.mkdtemp(prefix="taichi-disk-")
     # called after the engine, which is imported later, has written its cache
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    print(
-        "note: no writable home, so no later run can use this run's compiled kernels",
-        file=sys.stderr,
+    NOTICES.warning(
+        "no writable home, so no later run can use this run's compiled kernels"
     )
     os.environ["HOME"] = folder
 

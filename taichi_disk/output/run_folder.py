@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from errno import EEXIST, ENOTEMPTY
@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from taichi_disk.errors import InputError, SimulationError, reason
+from taichi_disk.notices import NOTICES
 from taichi_disk.output import files
 from taichi_disk.text_files import read_text
 
@@ -82,13 +83,11 @@ class RunFolder:
         path: hidden folder, into which the files are written.
         out: folder in which they appear; another one if it has become unsuitable.
         replaceable: identities of the runs that may be replaced, this run's first.
-        say: receives a sentence if another folder is used.
     """
 
     path: Path
     out: Path
     replaceable: list[tuple[str, str]]
-    say: Callable[[str], None]
 
     def take_over(self) -> str | None:
         """Copy earlier films and trajectories of the same run, and return the name of
@@ -120,7 +119,7 @@ class RunFolder:
                 refusal = refusal or error
                 continue
             if refusal:
-                self.say(f"{refusal}; this run goes into {folder}")
+                NOTICES.info(f"{refusal}; this run goes into {folder}")
             return folder
         raise InputError(f"{refusal}; choose another folder as `out`")
 
@@ -162,7 +161,6 @@ def run_folder(
     scene_yaml: str,
     count_on: bool,
     overwrite: bool = False,
-    say: Callable[[str], None] = lambda text: None,
     lattice: str = "",
 ) -> Iterator[RunFolder]:
     """Use as `with run_folder(...) as folder:` and write the run's files and
@@ -176,7 +174,6 @@ def run_folder(
         scene_yaml: the resolved scene; written as scene.yaml.
         count_on: whether to use out-2, out-3, … if `out` is in use.
         overwrite: whether another run in `out` may be replaced.
-        say: receives a sentence if another folder is used.
         lattice: digest of a custom lattice or custom velocities, lattice_digest in the
             summary.
 
@@ -196,7 +193,7 @@ def run_folder(
             cleanup.callback(files.remove, path)
             path.mkdir()
             files.write_text(path / "scene.yaml", scene_yaml)
-            folder = RunFolder(path, asked, [(scene_yaml, lattice)], say)
+            folder = RunFolder(path, asked, [(scene_yaml, lattice)])
             if overwrite:
                 with suppress(InputError):  # which `choose` raises again, with advice
                     folder.replaceable.append(stored_run(asked).identity)

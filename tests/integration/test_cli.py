@@ -426,7 +426,6 @@ def test_too_little_memory_is_reported_in_a_sentence(tmp_path):
     [
         ["run", "exponential_wall"],
         ["sweep", "figure3"],
-        ["view"],
         ["render", "x"],
         ["export", "x"],
         ["accuracy", "exponential_wall"],

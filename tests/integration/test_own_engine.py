@@ -68,7 +68,7 @@ def python(folder, *arguments, **changes):
 def test_an_old_result_outlives_the_user_s_own_init_and_reset(tmp_path):
     done = python(tmp_path, "-c", AFTER)
     assert done.returncode == 0, done.stderr
-    assert done.stderr.count("note: Taichi runs with real_matrix_scalarize=True") == 1
+    assert done.stderr.count("Taichi runs with real_matrix_scalarize=True") == 1
 
 
 @pytest.mark.validate

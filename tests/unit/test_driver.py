@@ -3,8 +3,6 @@ about a run."""
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import pytest
 from bodies import SMALL, computed, driver_of, drivers_of
@@ -12,7 +10,6 @@ from numpy.testing import assert_array_equal
 
 from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.computation.diagnostics import inverted_triangles
-from taichi_disk.computation.workload import announcement
 from taichi_disk.errors import InputError
 from taichi_disk.scenes.impact import ImpactScenario
 
@@ -122,17 +119,6 @@ def test_triangles_turned_inside_out_are_counted_with_a_warning(kernels):
     )
     assert pressed.summary["inverted_triangles"] > 0
     assert "turned inside out" in pressed.summary["warnings"][0]
-
-
-def test_a_run_of_many_steps_or_minutes_is_announced_and_no_other(kernels):
-    assert announcement(driver_of(kernels, *IMPACT)) is None
-    text = announcement(driver_of(kernels, *IMPACT, "time.dt=1e-6"))
-    assert re.fullmatch(
-        r"this will take about \d+ s: some \de7 steps of 1e-06 R/c .*",
-        text,
-    )
-    text = announcement(driver_of(kernels, *IMPACT, "time.dt=2e-7"))
-    assert re.match(r"this will take about \d+ (min|h): some", text)
 
 
 def test_the_end_of_a_hovering_rod_is_not_asked_at_every_row(

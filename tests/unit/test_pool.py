@@ -110,7 +110,7 @@ def test_processes_compute_at_the_same_time_and_are_killed_at_work() -> None:
 
 
 def test_without_a_writable_home_the_processes_share_one_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, notices: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.setenv("HOME", "/proc/nobody")
@@ -120,4 +120,4 @@ def test_without_a_writable_home_the_processes_share_one_folder(
     pool.shutdown()
     assert homes == {os.environ["HOME"]}
     assert str(tmp_path) in os.environ["HOME"]
-    assert capsys.readouterr().err.count("note:") == 1
+    assert len(notices.messages) == 1

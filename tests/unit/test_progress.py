@@ -7,7 +7,6 @@ import io
 
 import pytest
 
-from taichi_disk.computation.workload import duration
 from taichi_disk.progress import terminal
 
 
@@ -72,8 +71,3 @@ def test_a_bar_that_was_never_needed_writes_nothing():
     with pytest.raises(KeyError), terminal(stream):
         raise KeyError
     assert stream.getvalue() == ""
-
-
-def test_an_expected_time_has_no_more_digits_than_it_is_worth():
-    texts = [duration(seconds) for seconds in (3.0, 44.0, 100.0, 1000.0, 9000.0)]
-    assert texts == ["10 s", "40 s", "2 min", "17 min", "2.5 h"]

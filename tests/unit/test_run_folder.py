@@ -91,10 +91,9 @@ def test_the_same_scene_replaces_its_run(tmp_path):
     assert set(content(tmp_path)) == {"run/scene.yaml", "run/summary.json"}
 
 
-def test_a_default_name_counts_on_past_other_runs_and_says_so(tmp_path):
-    notices = []
+def test_a_default_name_counts_on_past_other_runs_and_says_so(notices, tmp_path):
     for k, scene in enumerate((SCENE, OTHER, OTHER.replace("200", "300"), OTHER)):
-        compute(tmp_path / "run", scene, count_on=True, mark=str(k), say=notices.append)
+        compute(tmp_path / "run", scene, count_on=True, mark=str(k))
     marks = {
         name: text
         for name, text in content(tmp_path).items()
@@ -102,10 +101,10 @@ def test_a_default_name_counts_on_past_other_runs_and_says_so(tmp_path):
     }
     assert marks == {"run/plot.png": "0", "run-2/plot.png": "3", "run-3/plot.png": "2"}
     assert (
-        notices[0]
+        notices.messages[0]
         == f"{tmp_path}/run holds another run; this run goes into {tmp_path}/run-2"
     )
-    assert len(notices) == 3
+    assert len(notices.messages) == 3
 
 
 def test_a_folder_that_was_named_is_refused_if_it_holds_another_run_unless_overwriting(
@@ -234,8 +233,9 @@ def test_runs_that_began_with_arrays_of_a_person_are_no_runs_of_the_same_scene(
 
 @pytest.mark.parametrize("status", ["failed", "interrupted"])
 @pytest.mark.parametrize("count_on", [False, True])
-def test_a_run_without_end_never_replaces_a_finished_one(tmp_path, status, count_on):
-    notices = []
+def test_a_run_without_end_never_replaces_a_finished_one(
+    notices, tmp_path, status, count_on
+):
     compute(tmp_path / "run", mark="good")
     for mark in ("bad", "worse"):
         out = compute(
@@ -243,7 +243,6 @@ def test_a_run_without_end_never_replaces_a_finished_one(tmp_path, status, count
             status=status,
             count_on=count_on,
             mark=mark,
-            say=notices.append,
         )
         assert out == tmp_path / f"run-{status}"
     marks = {
@@ -253,7 +252,8 @@ def test_a_run_without_end_never_replaces_a_finished_one(tmp_path, status, count
     }
     assert marks == {"run/plot.png": "good", f"run-{status}/plot.png": "worse"}
     assert (
-        notices[0] == f"{tmp_path}/run holds a finished run; this run goes into"
+        notices.messages[0]
+        == f"{tmp_path}/run holds a finished run; this run goes into"
         f" {tmp_path}/run-{status}"
     )
 
@@ -261,15 +261,14 @@ def test_a_run_without_end_never_replaces_a_finished_one(tmp_path, status, count
 @pytest.mark.parametrize("overwrite", [False, True])
 @pytest.mark.parametrize("before", [None, SCENE])
 def test_of_two_simultaneous_runs_the_later_to_finish_takes_another_folder_and_says_so(
-    tmp_path, monkeypatch, before, overwrite
+    notices, tmp_path, monkeypatch, before, overwrite
 ):
     if before:
         compute(tmp_path / "run", before, mark="before")
-    notices = []
     pid = os.getpid()
     third = OTHER.replace("200", "300")
     overwrite = overwrite or bool(before)
-    with run_folder(tmp_path / "run", OTHER, False, overwrite, notices.append) as first:
+    with run_folder(tmp_path / "run", OTHER, False, overwrite) as first:
         (first.path / "summary.json").write_text('{"status": "done"}')
         with monkeypatch.context() as patch:
             patch.setattr(os, "getpid", lambda: pid + 1)
@@ -278,25 +277,23 @@ def test_of_two_simultaneous_runs_the_later_to_finish_takes_another_folder_and_s
                 == tmp_path / "run"
             )
     assert first.out == tmp_path / "run-2"
-    assert len(notices) == 1
-    assert f"goes into {tmp_path}/run-2" in notices[0]
+    assert len(notices.messages) == 1
+    assert f"goes into {tmp_path}/run-2" in notices.messages[0]
     assert content(tmp_path / "run")["plot.png"] == "second"
     assert set(content(first.out)) == {"scene.yaml", "summary.json"}
     assert set(os.listdir(tmp_path)) == {"run", "run-2"}
 
 
 def test_a_file_that_comes_while_the_run_computes_stays_and_the_run_is_not_lost(
+    notices,
     tmp_path,
 ):
-    notices = []
-    with run_folder(
-        tmp_path / "run", SCENE, count_on=False, say=notices.append
-    ) as folder:
+    with run_folder(tmp_path / "run", SCENE, count_on=False) as folder:
         (folder.path / "summary.json").write_text('{"status": "done"}')
         (tmp_path / "run").mkdir()
         (tmp_path / "run" / "notes").write_text("mine")
     assert folder.out == tmp_path / "run-2"
-    assert len(notices) == 1
+    assert len(notices.messages) == 1
     assert set(content(tmp_path)) == {
         "run/notes",
         "run-2/scene.yaml",
@@ -382,7 +379,7 @@ def test_a_killed_run_leaves_the_old_or_the_new_one_whole_and_the_next_puts_it_r
 @pytest.mark.parametrize("code", [errno.EXDEV, errno.EBUSY])
 @pytest.mark.parametrize("count_on", [False, True])
 def test_what_cannot_be_renamed_is_known_before_the_computation(
-    tmp_path, monkeypatch, code, count_on
+    notices, tmp_path, monkeypatch, code, count_on
 ):
     # A mount point is busy, and an overlay does not rename folders of a lower layer.
     compute(tmp_path / "run", mark="old")
@@ -395,7 +392,6 @@ def test_what_cannot_be_renamed_is_known_before_the_computation(
 
     monkeypatch.setattr(os, "rename", refuse)
     before = content(tmp_path)
-    notices = []
     if not count_on:
         with (
             pytest.raises(InputError, match=r"run cannot be renamed \(.*\); choose"),
@@ -404,12 +400,12 @@ def test_what_cannot_be_renamed_is_known_before_the_computation(
             pytest.fail("it computes")
         assert content(tmp_path) == before
     else:
-        with run_folder(tmp_path / "run", SCENE, True, say=notices.append) as folder:
+        with run_folder(tmp_path / "run", SCENE, True) as folder:
             assert folder.out == tmp_path / "run-2"
             (folder.path / "summary.json").write_text('{"status": "done"}')
         assert set(os.listdir(tmp_path)) == {"run", "run-2"}
-        assert len(notices) == 1
-        assert "this run goes into" in notices[0]
+        assert len(notices.messages) == 1
+        assert "this run goes into" in notices.messages[0]
 
 
 LITTER = (
