@@ -16,9 +16,8 @@ from typing import Any, NoReturn
 from taichi_disk import BEGAN, __version__
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.config.tree import shipped_scenes
-from taichi_disk.errors import InputError, TaichiDiskError, system_message
+from taichi_disk.errors import NOTICES, InputError, TaichiDiskError, system_message
 from taichi_disk.machine import cores
-from taichi_disk.notices import NOTICES
 from taichi_disk.progress import terminal
 from taichi_disk.signals import INTERRUPTED, raise_if_interrupted
 

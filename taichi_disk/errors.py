@@ -1,13 +1,18 @@
-"""Exceptions with user-facing messages. The command line turns each into an exit
-status."""
+"""Messages for the user: exceptions, which the command line turns into an exit status,
+and notices."""
 
 from __future__ import annotations
 
 import difflib
+import logging
 import os
 import sys
 from collections.abc import Iterable
 from typing import Any
+
+# The command line prints all notices. Python prints warnings to stderr, and the others
+# after `logging.basicConfig(level="INFO")`.
+NOTICES = logging.getLogger("taichi_disk")
 
 
 class TaichiDiskError(Exception):

@@ -17,9 +17,8 @@ from typing import Any, NoReturn
 from taichi_disk import engine
 from taichi_disk.engine import internals, owner
 from taichi_disk.engine.environment import remove_stale_lock
-from taichi_disk.errors import InputError, TaichiDiskError
+from taichi_disk.errors import NOTICES, InputError, TaichiDiskError
 from taichi_disk.machine import cores
-from taichi_disk.notices import NOTICES
 from taichi_disk.signals import deferred_interrupts
 
 THREADS = "TAICHI_DISK_THREADS"

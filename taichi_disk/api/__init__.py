@@ -18,9 +18,8 @@ from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.computation.driver import State as State
 from taichi_disk.computation.outcome import Outcome
 from taichi_disk.config.tree import Source, as_path
-from taichi_disk.errors import InputError, did_you_mean, nearest
+from taichi_disk.errors import NOTICES, InputError, did_you_mean, nearest
 from taichi_disk.lattice import Array, Lattice, disk_of, numbers
-from taichi_disk.notices import NOTICES
 from taichi_disk.output import files
 from taichi_disk.output.artist import drawing_process
 from taichi_disk.output.report import headline, rows, shown

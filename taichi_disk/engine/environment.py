@@ -12,7 +12,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from taichi_disk.notices import NOTICES
+from taichi_disk.errors import NOTICES
 
 CACHE = "TI_OFFLINE_CACHE_FILE_PATH"
 DEFAULTS = {

@@ -19,8 +19,7 @@ from itertools import chain, count
 from pathlib import Path
 from typing import NamedTuple
 
-from taichi_disk.errors import InputError, SimulationError, reason
-from taichi_disk.notices import NOTICES
+from taichi_disk.errors import NOTICES, InputError, SimulationError, reason
 from taichi_disk.output import files
 from taichi_disk.text_files import read_text
 
