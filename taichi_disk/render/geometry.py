@@ -1,18 +1,17 @@
-"""Camera, and triangles of wall, outlines and arrows. NumPy only.
+"""Camera, and triangles of wall and outlines. NumPy only.
 
 A potential has no edge. The wall is drawn solid up to the height at which it exerts the
 largest force of the run on one point, so the disk visibly rests on it at the greatest
 compression. Above that edge the wall fades like its force, with exp(-a distance). An
 elastic wall has this layer on its surface.
 
-GGUI has no antialiasing. Outlines fade to the adjacent colours over one pixel. Arrows
-fade by the opacity of their edges, where the window's shaders know one.
+GGUI has no antialiasing. Outlines fade to the adjacent colours over one pixel.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,19 +22,13 @@ from taichi_disk.render.palette import Colour, Theme, round_near
 from taichi_disk.statics.equilibrium import roll_angle, turned
 
 View = tuple[float, float, float, float]
-# corners of triangles (3 k, 2) [R] and their colours with opacity (3 k, 4)
+# corners of triangles (3 k, 2) [R] and their colours (3 k, 3)
 Shape = tuple[Array, Array]
 
-ARROW = 0.35  # length of the arrow of `full_force` [R]
-VELOCITY_ARROW = 0.7  # length of the arrow of the speed before an impact [R]
 # heights [decay lengths]; the haze is interpolated, within 2 %
 _FADES = np.array([0.0, 0.4, 1.0, 1.8, 3.0, 5.0])
 FLATTENING = 0.05  # flattening of the drawn disk at automatic magnification [R]
-NOTHING: Shape = np.zeros((0, 2)), np.zeros((0, 4))
-_CIRCLE_CORNERS = 32
-# length of an arrow's head over half its width; most of it over the arrow's length
-_HEAD_LENGTH = 1.56
-_MAX_HEAD = 0.65
+NOTHING: Shape = np.zeros((0, 2)), np.zeros((0, 3))
 
 
 @dataclass(frozen=True)
@@ -48,33 +41,18 @@ class Camera:
     scale: float  # pixels per R
     look_at: tuple[float, float]  # point of the scene [R] that is shown at `middle`
     middle: tuple[float, float]  # (column, row) [px]
-    # (left, right, top, bottom) [px], the part of the canvas for the scene
-    viewport: View
 
     @classmethod
-    def fit(
-        cls,
-        view: View,
-        width: int,
-        height: int,
-        margin: float = 0.0,
-        viewport: View | None = None,
-    ) -> Camera:
+    def fit(cls, view: View, width: int, height: int, viewport: View) -> Camera:
         """Return the camera that shows `view` (xmin, xmax, ymin, ymax) [R] as large as
-        possible in `viewport`."""
+        possible at the bottom of `viewport` (left, right, top, bottom) [px]."""
         xmin, xmax, ymin, ymax = view
-        viewport = viewport or (0.0, float(width), 0.0, float(height))
         left, right, top, bottom = viewport
-        across = (right - left - 2.0 * margin) / (xmax - xmin)
-        upwards = (bottom - top - 2.0 * margin) / (ymax - ymin)
-        return cls(
-            width=width,
-            height=height,
-            scale=max(min(across, upwards), 1e-3),
-            look_at=(0.5 * (xmin + xmax), 0.5 * (ymin + ymax)),
-            middle=(0.5 * (left + right), 0.5 * (top + bottom)),
-            viewport=viewport,
-        )
+        across = (right - left) / (xmax - xmin)
+        upwards = (bottom - top) / (ymax - ymin)
+        scale = max(min(across, upwards), 1e-3)
+        look_at = 0.5 * (xmin + xmax), ymin
+        return cls(width, height, scale, look_at, (0.5 * (left + right), bottom))
 
     def to_scene(self, pixels: ArrayLike) -> Array:
         """Convert (column, row) (..., 2) [px] to points of the scene [R]; pixel k
@@ -98,25 +76,7 @@ class Camera:
             scale=factor * self.scale,
             look_at=self.look_at,
             middle=(factor * (column - columns.start), factor * (row - rows.start)),
-            viewport=(0.0, float(width), 0.0, float(height)),
         )
-
-    def zoomed(self, factor: float, at: tuple[float, float]) -> Camera:
-        """Return a camera magnified by `factor` about the pixel `at` (column, row)."""
-        x, y = self.middle
-        column, row = at
-        middle = column + factor * (x - column), row + factor * (y - row)
-        return replace(self, scale=self.scale * factor, middle=middle)
-
-    def panned(self, columns: float, rows: float) -> Camera:
-        return replace(self, middle=(self.middle[0] + columns, self.middle[1] + rows))
-
-    @property
-    def seen(self) -> View:
-        """The part of the scene in the viewport: (xmin, xmax, ymin, ymax) [R]."""
-        left, right, top, bottom = self.viewport
-        (xmin, ymin), (xmax, ymax) = self.to_scene([(left, bottom), (right, top)])
-        return float(xmin), float(xmax), float(ymin), float(ymax)
 
     def canvas_map(self) -> tuple[Array, Array]:
         """Return factor and shift (2,) with which factor * xy + shift are GGUI's
@@ -183,14 +143,6 @@ def joined(*shapes: Shape) -> Shape:
     return points, np.concatenate([colours for _, colours in shapes])
 
 
-def _inked(colours: Any, opacity: Any, count: int) -> Array:
-    """Return `count` colours with opacity, (count, 4)."""
-    out = np.empty((count, 4))
-    out[:, :3] = colours
-    out[:, 3] = opacity
-    return out
-
-
 def edge_height(wall: Any, force: float) -> float:
     """Return the height of a wall's edge above its surface [R], where it exerts `force`
     [M c^2/R] on a point."""
@@ -237,7 +189,7 @@ def quads(corners: Sequence[Array], colours: Sequence[Any]) -> Shape:
     inks = np.empty((*corners[0].shape[:-1], 4, 3))
     for k, colour in enumerate(colours):
         inks[..., k, :] = colour
-    return points, _inked(inks[..., order, :].reshape(-1, 3), 1.0, len(points))
+    return points, inks[..., order, :].reshape(-1, 3)
 
 
 def _left(along: Array, length: float = 1.0) -> Array:
@@ -271,91 +223,3 @@ def outline(
         [start, end, end + left, start + left], [ink, ink, inside[:, 1], inside[:, 0]]
     )
     return joined(outer, inner)
-
-
-@dataclass(frozen=True)
-class ArrowStyle:
-    """Sizes of an arrow [R]: width of the shaft, half the width of the head, width of
-    the rim around both, and distance over which its edges fade."""
-
-    shaft: float
-    head: float
-    rim: float
-    fade: float
-
-
-def arrows(
-    feet: Array, vectors: Array, style: ArrowStyle, colour: Colour, theme: Theme
-) -> Shape:
-    """Return arrows from `feet` (k, 2) along `vectors` (k, 2) [R], with a rim in the
-    colour of the ground. Short arrows are thinner."""
-    length = np.hypot(*vectors.T)[:, None]
-    along = vectors / length
-    across = -_left(vectors)
-    head = np.minimum(style.head, _MAX_HEAD / _HEAD_LENGTH * length)
-    shaft = 0.5 * style.shaft * head / style.head * across
-    wing = head * across
-    tip = feet + vectors
-    neck = tip - _HEAD_LENGTH * head * along
-    right = [feet + shaft, neck + shaft, neck + wing]
-    left = [neck - wing, neck - shaft, feet - shaft]
-    corners = np.stack([*right, tip, *left], axis=1)
-    triangles = np.array([(0, 1, 5), (0, 5, 6), (2, 3, 4)])
-    return _rimmed(corners, triangles, style, colour, theme)
-
-
-def dot(
-    centre: Array, radius: float, style: ArrowStyle, colour: Colour, theme: Theme
-) -> Shape:
-    """Return a filled circle around `centre` (2,), with an outline like that of
-    arrows."""
-    turns = np.arange(_CIRCLE_CORNERS) * (2.0 * np.pi / _CIRCLE_CORNERS)
-    circle = centre + radius * np.stack([np.cos(turns), np.sin(turns)], axis=1)
-    second = np.arange(1, _CIRCLE_CORNERS - 1)
-    fan = np.stack([0 * second, second, second + 1], axis=1)
-    return _rimmed(circle[None], fan, style, colour, theme)
-
-
-def _rimmed(
-    corners: Array,
-    triangles: NDArray[np.intp],
-    style: ArrowStyle,
-    colour: Colour,
-    theme: Theme,
-) -> Shape:
-    outward = _outward(corners)
-    half = 0.5 * style.fade * outward
-    rim = _faded(corners + style.rim * outward, half, triangles, theme.ground)
-    return joined(rim, _faded(corners, half, triangles, colour))
-
-
-def _faded(
-    corners: Array, half: Array, triangles: NDArray[np.intp], colour: Colour
-) -> Shape:
-    """Return polygons with `corners` (k, c, 2), counter-clockwise, whose edges fade
-    from `corners` - `half` to `corners` + `half` [R]. `triangles` (t, 3) fill a
-    polygon."""
-    inner = corners - half
-    outer = corners + half
-    inner_ahead = _next(inner)
-    outer_ahead = _next(outer)
-    parts = [inner, inner_ahead, outer_ahead, inner, outer_ahead, outer]
-    strip = np.stack(parts, axis=2).reshape(-1, 2)
-    fill = inner[:, triangles].reshape(-1, 2)
-    colours = _inked(colour, 1.0, len(fill) + len(strip))
-    colours[len(fill) :, 3] = np.resize([1.0, 1.0, 0.0, 1.0, 0.0, 0.0], len(strip))
-    return np.concatenate([fill, strip]), colours
-
-
-def _next(corners: Array) -> Array:
-    # several times faster than np.roll
-    return np.concatenate([corners[:, 1:], corners[:, :1]], axis=1)
-
-
-def _outward(corners: Array) -> Array:
-    """Return the vectors (k, c, 2) by which the corners of polygons, counter-clockwise,
-    move if all sides move outwards by 1."""
-    normal = -_left(_next(corners) - corners)
-    before = np.concatenate([normal[:, -1:], normal[:, :-1]], axis=1)
-    cosine = (normal * before).sum(axis=-1, keepdims=True)
-    return np.asarray((normal + before) / (1.0 + cosine))

@@ -14,13 +14,16 @@ from taichi_disk.fields import QUANTITIES, Triangles, at_points, own_values
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.triangles import double_area
 from taichi_disk.physics import Springs
-from taichi_disk.render import geometry
-from taichi_disk.render.geometry import ARROW, VELOCITY_ARROW, ArrowStyle, Camera
-from taichi_disk.render.palette import LEVELS, THEMES, colour_map, map_kind
+from taichi_disk.render import geometry, marks
+from taichi_disk.render.geometry import Camera
+from taichi_disk.render.marks import Mark
+from taichi_disk.render.palette import LEVELS, THEMES, colour_map, ink, map_kind
 
 Vertices = NDArray[np.float32]
 get_field_info = internals.field_info(ti)
 
+ARROW = 0.35  # length of the arrow of `full_force` [R]
+VELOCITY_ARROW = 0.7  # length of the arrow of the speed before an impact [R]
 # length of a GGUI vertex: position (3), normal (3), texture (2), colour (4)
 VERTEX = 12
 # Sizes are [px] in a picture of 720 pixels.
@@ -28,9 +31,12 @@ VERTEX = 12
 _SPRING = 0.65
 _MIN_SPRING = 0.55
 _OUTLINE = 1.9  # half the width of an outline
-_FORCE_ARROW = ArrowStyle(shaft=4.5, head=8.0, rim=1.6, fade=1.0)
-_VELOCITY_ARROW = ArrowStyle(shaft=13.0, head=25.0, rim=3.0, fade=1.0)
-_DOT = 9.0  # radius of the dot at the foot of the velocity's arrow
+# arrows of forces and of the velocity: width of the shaft, half the width of the head
+FORCE_ARROW = 4.5, 8.0
+_VELOCITY_ARROW = 13.0, 25.0
+_FORCE_RIM = 1.6
+_RIM = 3.0  # of the velocity's arrow, and of the dot at its foot
+_DOT = 9.0  # radius of the dot
 _NEXT = 20.0  # distance of two force arrows
 # springs on the field fade in between these distances of points
 _FINE = 5.0
@@ -47,17 +53,10 @@ _FRINGE_PARTS = 20_000
 
 @dataclass
 class Painter:
-    """Draws one lattice. `ti.init` must have been called. A window, or a film, does
-    this with each state:
+    """Draws states of one lattice: positions `x` (n, 2) [R] and velocities `v` (n, 2)
+    [c] in the lattice's order, all of them finite. `ti.init` must have been called.
 
-        painter = Painter(lattice, model.springs, model.wall)
-        painter.limit = full_scale(painter.values(x, v), painter.colour)
-        painter.paint(window.get_canvas(), camera, x, v)
-
-    `x` (n, 2) [R] and `v` (n, 2) [c] are in the lattice's order; all values must be
-    finite.
-
-    Attributes, all of which may be changed at any time:
+    Attributes:
         colour: the coloured quantity, a name of `fields.QUANTITIES`.
         draw: "field" (triangles), "both" (also faint springs, if points are far enough
             apart, except on fringes), "springs" or "points". On the field a line
@@ -66,10 +65,10 @@ class Painter:
         limit: end of the colour scale, which starts at -limit for signed quantities,
             else at 0; for fringes, the stress difference of one fringe. In units of the
             quantity.
-        full_force: force whose arrow has the length `geometry.ARROW` [M c^2/R]; 0: no
+        full_force: force whose arrow has the length ARROW [M c^2/R]; 0: no
             arrows.
         full_speed: speed of the centre of mass whose arrow has the length
-            `geometry.VELOCITY_ARROW` [c]; 0: no arrow.
+            VELOCITY_ARROW [c]; 0: no arrow.
         edge: height of the wall's edge above its surface [R], see
             `geometry.edge_height`.
         spoke: point to which a line is drawn from the disk's centre; -1: none.
@@ -193,15 +192,8 @@ class Painter:
             width = max(min(0.15 * self._spacing * camera.scale, 2.5 * unit), 1.1)
             each = np.repeat(self.colours(self._of_springs(x, v, values)), 2, axis=0)
             self._lines(canvas, camera, placed[self.lattice.bonds], each, width)
-        if self.spoke >= 0:
-            above += self._spoke(placed, half)
         if self.wall is not None:
             above.append(solid)
-        if self.full_force and self.wall is not None:
-            pushes = self.pushes(x, v, placed, max(_NEXT * unit, 9.0) * pixel)
-            above.append(self._force_arrows(*pushes, unit, pixel))
-        if self.full_speed:
-            above.append(self._velocity_arrow(placed, v, unit * pixel))
         self.draw_shape(canvas, geometry.joined(*above), camera)
         if self.draw == "points":
             radius = max(min(0.3 * self._spacing * camera.scale, 6.0 * unit), 1.0)
@@ -224,7 +216,8 @@ class Painter:
             chain = placed[self.lattice.wall_surface]
             depth = half
         else:  # across the visible part of the scene
-            left, right, bottom, _ = camera.seen
+            left, bottom = camera.to_scene((0.0, camera.height))
+            right, _ = camera.to_scene((camera.width, 0.0))
             chain = np.array([(left - pixel, 0.0), (right + pixel, 0.0)])
             depth = max(pixel - bottom, -self.edge)
         decay = max(self.wall.decay_length, 0.4 * pixel)
@@ -276,38 +269,33 @@ class Painter:
             )
         return shapes
 
-    def _spoke(self, placed: Array, half: float) -> list[geometry.Shape]:
+    def marks(self, camera: Camera, x: Array, v: Array, unit: float) -> list[Mark]:
+        """Return the marks above the disk: the spoke, arrows of forces, and the arrow
+        of the velocity of the centre of mass with a dot at its foot."""
+        placed = self.placed(x)
         theme = THEMES[self.theme]
-        centre = self.lattice.mean(placed)[None]
-        end = placed[[self.spoke]]
-        shapes = []
-        for colour, width in ((theme.ground, 2.0 * half), (theme.ink, half)):
-            inside = np.broadcast_to(colour, (1, 2, 3))
-            shapes.append(geometry.outline(centre, end, width, inside, colour, colour))
-        return shapes
-
-    def _force_arrows(
-        self, feet: Array, forces: Array, unit: float, pixel: float
-    ) -> geometry.Shape:
-        if not len(feet):
-            return geometry.NOTHING
-        theme = THEMES[self.theme]
-        style = _scaled(_FORCE_ARROW, unit * pixel, pixel)
-        return geometry.arrows(feet, ARROW * forces, style, theme.arrow, theme)
-
-    def _velocity_arrow(self, placed: Array, v: Array, unit: float) -> geometry.Shape:
-        """Return a dot at the centre of mass, and its velocity. `unit`: length [R] of a
-        pixel in a picture of 720 pixels."""
-        theme = THEMES[self.theme]
-        style = _scaled(_VELOCITY_ARROW, unit, unit)
-        centre = self.lattice.mean(placed)
-        velocity = self.lattice.mean(v) / self.full_speed
-        mark = geometry.dot(centre, _DOT * unit, style, theme.velocity, theme)
-        if np.hypot(*velocity) < _SLOW:
-            return mark
-        vector = VELOCITY_ARROW * velocity[None]
-        arrow = geometry.arrows(centre[None], vector, style, theme.velocity, theme)
-        return geometry.joined(arrow, mark)
+        foot = self.lattice.mean(placed)
+        centre = camera.to_pixels(foot)
+        found = []
+        if self.spoke >= 0:
+            end = camera.to_pixels(placed[self.spoke])
+            half = max(_OUTLINE * unit, 1.0)
+            found.append(Mark(marks.line(centre, end, half), ink(theme.ink), half))
+        if self.full_force and self.wall is not None:
+            distance = max(_NEXT * unit, 9.0) / camera.scale
+            feet, forces = self.pushes(x, v, placed, distance)
+            if len(feet):
+                corners = _arrows(camera, feet, ARROW * forces, FORCE_ARROW, unit)
+                found.append(Mark(corners, ink(theme.arrow), _FORCE_RIM * unit))
+        if self.full_speed:
+            colour = ink(theme.velocity)
+            velocity = self.lattice.mean(v)[None] / self.full_speed
+            if np.hypot(*velocity.T) > _SLOW:
+                vectors = VELOCITY_ARROW * velocity
+                corners = _arrows(camera, foot[None], vectors, _VELOCITY_ARROW, unit)
+                found.append(Mark(corners, colour, _RIM * unit))
+            found.append(Mark(marks.dot(centre, _DOT * unit), colour, _RIM * unit))
+        return found
 
     def pushes(
         self, x: Array, v: Array, placed: Array, distance: float
@@ -366,17 +354,24 @@ def _means(vectors: Array, group: NDArray[np.intp]) -> Array:
     return np.stack(sums, axis=1) / np.bincount(group)[:, None]
 
 
-def _scaled(style: ArrowStyle, unit: float, fade: float) -> ArrowStyle:
-    return ArrowStyle(unit * style.shaft, unit * style.head, unit * style.rim, fade)
+def _arrows(
+    camera: Camera, feet: Array, vectors: Array, sizes: tuple[float, float], unit: float
+) -> Array:
+    """Return the corners [px] of arrows from `feet` along `vectors` (k, 2) [R]."""
+    shaft, head = sizes
+    upwards = camera.scale * np.array([1.0, -1.0])
+    return marks.arrows(
+        camera.to_pixels(feet), upwards * vectors, unit * shaft, unit * head
+    )
 
 
 def _put(camera: Camera, points: Array, colours: NDArray[Any]) -> Vertices:
-    """Return GGUI's vertices. `colours`: (k, 3), or (k, 4) with the opacity."""
+    """Return GGUI's vertices with `colours` (k, 3)."""
     out = np.zeros((len(points), VERTEX), dtype=np.float32)
     factor, shift = camera.canvas_map()
     out[:, :2] = factor * points + shift
+    out[:, 8:11] = colours
     out[:, 11] = 1.0
-    out[:, 8 : 8 + colours.shape[1]] = colours
     return out
 
 

@@ -132,6 +132,12 @@ def lab_to_srgb(lab: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(linear <= 0.0031308, 12.92 * linear, power)
 
 
+def ink(colour: Any) -> tuple[int, int, int]:
+    """Return Pillow's form of a colour."""
+    red, green, blue = (round(255 * part) for part in colour)
+    return red, green, blue
+
+
 # ---- scales
 
 FULL_COLOUR = 98.0  # percentile of the values at the end of the colour scale

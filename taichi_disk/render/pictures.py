@@ -12,10 +12,11 @@ from PIL import Image, ImageDraw
 from taichi_disk.computation.driver import State
 from taichi_disk.lattice import Array
 from taichi_disk.render.geometry import Camera, View
+from taichi_disk.render.marks import Mark, stamp
 from taichi_disk.render.moments import Caption
 from taichi_disk.render.offscreen import open_window
 from taichi_disk.render.painter import Painter
-from taichi_disk.render.palette import THEMES
+from taichi_disk.render.palette import THEMES, ink
 from taichi_disk.render.panel import Panel
 from taichi_disk.render.video import Picture
 from taichi_disk.render.words import (
@@ -24,7 +25,6 @@ from taichi_disk.render.words import (
     Letters,
     Scales,
     caption_lines,
-    ink,
     legend,
 )
 
@@ -34,6 +34,10 @@ _OVERDRAW = 3.0
 _DISK_WIDTH = 8 / 9  # over the height, of one of several disks: two are 16 : 9
 _LABEL_SIZE = 1.5  # size of a comparison's differing keys, relative to the title
 _CLEAR = 4.0  # least distance of the disk to words in a picture of 720 pixels [px]
+
+
+# GGUI's image [x, y upwards, colour], and the marks above it
+Drawn = tuple[NDArray[np.float32], list[Mark]]
 
 
 @dataclass(frozen=True)
@@ -60,7 +64,6 @@ def arranged(
 
     The view ends at the footer.
     """
-    _, _, ymin, ymax = view
     height = letters.height
     bottom = height - letters.footer
     beside = _MARGIN * letters.unit
@@ -81,9 +84,7 @@ def arranged(
         ]
         header = max(one.header for one in legends)
         viewport = beside, width - beside, float(header), float(bottom)
-        camera = Camera.fit(view, width, height, viewport=viewport)
-        free = bottom - header - camera.scale * (ymax - ymin)
-        camera = camera.panned(0.0, 0.5 * free)
+        camera = Camera.fit(view, width, height, viewport)
         pairs = zip(disks, legends, strict=True)
         if not any(
             _touch(camera, one.outer, each.boxes, letters) for one, each in pairs
@@ -164,48 +165,53 @@ class Pictures:
         )
         self._supersample = supersample
         self._rows, self._columns = _drawn(camera, view)
+        self._whole = camera
         self._camera = camera.cropped(self._rows, self._columns, supersample)
-        ground = THEMES[self._painters[0].theme].ground
+        self._ground = ink(THEMES[self._painters[0].theme].ground)
         self._picture = np.full((height, self.size[0], 4), 255, dtype=np.uint8)
-        self._picture[..., :3] = ink(ground)
+        self._picture[..., :3] = self._ground
         # The same memory as pixels of four bytes, and as Pillow's image.
         self._pixels = self._picture.view(np.uint32)[..., 0]
-        image = Image.frombuffer("RGBA", self.size, self._picture, "raw", "RGBA", 0, 1)
-        image.readonly = 0
-        self._draw = ImageDraw.Draw(image)
+        self._image = Image.frombuffer(
+            "RGBA", self.size, self._picture, "raw", "RGBA", 0, 1
+        )
+        self._image.readonly = 0
+        self._draw = ImageDraw.Draw(self._image)
         for k, one in enumerate(legends):
             for line in one.lines:
                 line.draw(self._draw, k * width, 0.0)
         self._words = np.nonzero(self._pixels != self._pixels[0, 0])
-        self._scales.draw(self._picture, self._draw)
+        self._scales.draw(self._picture, self._image, self._draw)
         self._still = self._pixels.copy()
         drawn = self._camera.width, self._camera.height
         self._bytes = np.empty((*drawn, 4), dtype=np.uint8)
         self._window = open_window(drawn)
 
-    def draw(self, states: Sequence[State]) -> list[NDArray[np.float32]]:
-        """Return GGUI's image of each disk, [x, y upwards, colour]."""
-        images = []
+    def draw(self, states: Sequence[State]) -> list[Drawn]:
+        """Return GGUI's image of each disk, and the marks above it."""
+        drawn = []
         canvas = self._window.get_canvas()
         is_soft = self._window.is_soft
         unit = self._letters.unit * self._supersample
         for painter, (_, x, v) in zip(self._painters, states, strict=True):
             painter.paint(canvas, self._camera, x, v, unit, is_soft)
-            images.append(self._window.get_image_buffer_as_numpy())
-        return images
+            image = self._window.get_image_buffer_as_numpy()
+            marks = painter.marks(self._whole, x, v, self._letters.unit)
+            drawn.append((image, marks))
+        return drawn
 
     def finish(
-        self,
-        images: Sequence[NDArray[np.float32]],
-        captions: Sequence[Caption],
-        t: float,
+        self, drawn: Sequence[Drawn], captions: Sequence[Caption], t: float
     ) -> Picture:
-        """Return the picture (height, width, 4) with the images, the captions of the
-        disks, and the curves up to `t` [R/c]."""
+        """Return the picture (height, width, 4) with what was drawn, the captions of
+        the disks, and the curves up to `t` [R/c]."""
         width = self._width
         self._pixels[:] = self._still
-        for k, image in enumerate(images):
+        for k, (image, marks) in enumerate(drawn):
             self._place(self._pixels[:, k * width : (k + 1) * width], image)
+            for mark in marks:
+                corners = mark.corners + [k * width, 0.0]
+                stamp(self._image, mark._replace(corners=corners), self._ground)
         self._pixels[self._words] = self._still[self._words]
         for k, caption in enumerate(captions):
             for line in caption_lines(self._letters, caption, width):

@@ -21,12 +21,11 @@ from PIL import ImageFont
 
 from taichi_disk.fields import FRINGES, QUANTITIES
 from taichi_disk.output.panel import RAISED, factored
-from taichi_disk.render.geometry import ARROW
+from taichi_disk.render.marks import Ink, Mark, arrows, stamp
 from taichi_disk.render.moments import Caption
-from taichi_disk.render.painter import Painter
-from taichi_disk.render.palette import THEMES, Colour
+from taichi_disk.render.painter import ARROW, FORCE_ARROW, Painter
+from taichi_disk.render.palette import THEMES, ink
 
-Ink = tuple[int, int, int]
 Box = tuple[float, float, float, float]  # left, right, top and bottom [px]
 
 LEAST = 11.0  # smallest size of letters [px]
@@ -51,11 +50,6 @@ _GAP = 0.5  # least distance of two words, in units of the size of their letters
 
 
 # ---- letters
-
-
-def ink(colour: Colour | NDArray[np.float32]) -> Ink:
-    red, green, blue = (round(255 * c) for c in colour)
-    return red, green, blue
 
 
 @lru_cache(maxsize=32)
@@ -395,9 +389,9 @@ class Scales:
 
     # ---- pictures
 
-    def draw(self, picture: NDArray[np.uint8], draw: Any) -> None:
+    def draw(self, picture: NDArray[np.uint8], image: Any, draw: Any) -> None:
         """Draw what does not change into the lowest rows of a `picture`, with Pillow's
-        `draw` of the same picture."""
+        `image` of the same memory and its `draw`."""
         letters = self._letters
         theme = THEMES[self._painter.theme]
         top = len(picture) - letters.footer
@@ -406,7 +400,8 @@ class Scales:
             picture[top:, : self._width, :3] = ink(ground)
             self._draw_bar(picture[top + self._top :])
             if self._tip > letters.margin:
-                self._draw_arrow(draw, top + self._top + self._bar_height / 2)
+                row = top + self._top + self._bar_height / 2
+                self._draw_arrow(image, row, ink(ground))
         for line in self.lines:
             line.draw(draw, 0.0, top)
 
@@ -418,12 +413,10 @@ class Scales:
         bar = slice(self._left, self._left + self._bar_width)
         below[: self._bar_height, bar, :3] = np.rint(255.0 * colours)
 
-    def _draw_arrow(self, draw: Any, row: float) -> None:
+    def _draw_arrow(self, image: Any, row: float, ground: Ink) -> None:
         unit = self._letters.unit
-        colour = self._letters.small.ink
-        head = max(6.0 * unit, 3.0)
-        neck = self._tip - 1.6 * head
-        shaft = [(self._letters.margin, row), (neck, row)]
-        draw.line(shaft, fill=colour, width=max(round(4.0 * unit), 1))
-        corners = [(neck, row - head), (neck, row + head), (self._tip, row)]
-        draw.polygon(corners, fill=colour)
+        foot = np.array([[self._letters.margin, row]])
+        vector = np.array([[self._tip - self._letters.margin, 0.0]])
+        shaft, head = FORCE_ARROW
+        corners = arrows(foot, vector, unit * shaft, unit * head)
+        stamp(image, Mark(corners, self._letters.small.ink, 0.0), ground)

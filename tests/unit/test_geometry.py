@@ -1,11 +1,39 @@
-"""Shapes of pictures: where the wall's edge is drawn."""
+"""Shapes of pictures: the camera, where the wall's edge is drawn, displacements shown
+larger."""
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
+from bodies import to_pixels
 
+from taichi_disk.lattice import disk_lattice
 from taichi_disk.physics import ExponentialWall
-from taichi_disk.render.geometry import edge_height
+from taichi_disk.render.geometry import Camera, edge_height, placed
+
+DISK = disk_lattice(60, 0)
+
+
+def test_the_camera_shows_the_view_in_the_viewport_with_equal_scales():
+    camera = Camera.fit((-1.9, 1.9, -0.95, 2.1), 720, 700, (14.0, 706.0, 74.0, 626.0))
+    (left, bottom), (right, top) = to_pixels(camera, [(-1.9, -0.95), (1.9, 2.1)])
+    assert left >= 14
+    assert right <= 706
+    assert top >= 73.999
+    assert bottom == pytest.approx(626.0)
+    sides = to_pixels(camera, (1.0, 0.0)) - to_pixels(camera, (0.0, 1.0))
+    assert sides == pytest.approx([camera.scale] * 2)
+
+
+def test_a_cropped_camera_magnifies_its_part_and_has_an_inverse():
+    whole = Camera.fit((-1.1, 1.1, -0.1, 2.1), 640, 480, (0.0, 640.0, 0.0, 480.0))
+    part = whole.cropped(slice(40, 440), slice(100, 500), 1.5)
+    points = np.random.default_rng(0).random((20, 2))
+    assert part.to_pixels(points) == pytest.approx(
+        1.5 * (whole.to_pixels(points) - [100.0, 40.0])
+    )
+    assert part.to_pixels(points) == pytest.approx(to_pixels(part, points))
+    assert part.to_scene(part.to_pixels(points)) == pytest.approx(points, abs=1e-12)
 
 
 def test_the_edge_is_drawn_where_the_wall_pushes_a_point_with_the_given_force():
@@ -22,3 +50,19 @@ def test_the_edge_is_never_drawn_below_the_wall_s_surface():
     assert edge_height(soft, 1.0) == 0.0
     assert edge_height(soft, 0.0) == 0.0
     assert edge_height(None, 1.0) == 0.0
+
+
+def test_a_rigid_motion_stays_where_it_is_and_a_strain_is_magnified():
+    rest = DISK.positions + [0.0, 1.05]
+    rest_at = rest.mean(axis=0)
+    cos = np.cos(0.7)
+    sin = np.sin(0.7)
+    flown = (rest - rest_at) @ np.array([[cos, sin], [-sin, cos]]) + [3.0, 1.5]
+    assert placed(DISK, flown, 20.0) == pytest.approx(flown, abs=1e-12)
+    # A disk that has shrunk uniformly: the lowest point stays, and all other
+    # displacements are 20 times as large.
+    lowest = np.array([rest_at[0], rest[:, 1].min()])
+    x = rest - 0.003 * (rest - lowest)
+    larger = placed(DISK, x, 20.0)
+    assert larger == pytest.approx(rest - 0.06 * (rest - lowest), abs=1e-12)
+    assert (placed(DISK, x, 1.0) == x).all()
