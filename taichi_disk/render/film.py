@@ -121,7 +121,7 @@ def prepare_film(
             closing(pictures),
             encoded(new, path.suffix, pictures.size, video.fps, carried) as append,
         ):
-            for k, finish in enumerate(_finished(pictures, recordings, words, times)):
+            for k, finish in enumerate(_finished(pictures, recordings, words)):
                 append(finish)
                 progress("render", k + 1, len(shots))
 
@@ -186,19 +186,17 @@ def _finished(
     pictures: Pictures,
     recordings: Sequence[Recording],
     words: Sequence[Sequence[Caption]],
-    times: Sequence[float],
 ) -> Iterator[Callable[[], Any]]:
     """Draw one picture after the other, and yield functions that finish them, for
     another thread."""
     states = zip(*(one.states() for one in recordings), strict=True)
-    finished: Any = None
-    for k, t in enumerate(times):
+    before: Sequence[Caption] = ()
+    for now in zip(*words, strict=True):
         raise_if_interrupted()
-        if k == 0 or t != times[k - 1]:
-            images = pictures.draw(next(states))
-        captions_now = [each[k] for each in words]
-        if (t, captions_now) == finished:
+        if not before or now[0].t != before[0].t:
+            drawn = pictures.draw(next(states))
+        if now == before:
             yield pictures.again
         else:
-            yield partial(pictures.finish, images, captions_now, t)
-        finished = t, captions_now
+            yield partial(pictures.finish, drawn, now)
+        before = now

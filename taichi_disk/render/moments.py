@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from taichi_disk.lattice import Array
 
 Run = Outcome
 
+BEFORE = "before t = 0"
 MOMENTS = {"greatest": "greatest compression", "contact": "first contact", "end": ""}
 # fractions of a film: still pictures at the start, at the greatest compression and at
 # the end
@@ -31,8 +33,10 @@ _FLIGHT = 0.12  # film time of a flight over that of the contact
 _CHANGE = 0.2  # fraction of a flight in which the pace changes
 # samples of the pace of a whole film; a film of a part of the run keeps this pace
 _PACE_TIMES = 1000
-# a pace up to this factor above the slowest is called slow motion
+# A pace up to this factor above the slowest is called slow motion, if the flights are
+# this many times faster.
 _SLOW = 1.1
+_MUCH_SLOWER = 1.5
 _NEAR_PEAK = 0.01  # relative distance of times that count as the same moment
 
 
@@ -45,15 +49,13 @@ class Cue:
     pace: tuple[str, ...] = ()
 
 
-@dataclass
-class Caption:
-    """The changing words of a picture. `lines` begin with the time and the number that
-    stands for the main curve."""
+@dataclass(frozen=True)
+class Caption(Cue):
+    """A picture of one run, with all of its changing words. `lines` begin with the time
+    and the number that stands for the main curve."""
 
-    lines: Sequence[str]
-    note: str = ""
+    lines: tuple[str, ...] = ()
     result: str = ""
-    pace: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -159,32 +161,37 @@ def cues(
     every = film_times(flights, runs, longest)
     number = np.arange(_PACE_TIMES)
     begin, stop = np.interp([first, last], every, number)
-    times = np.interp(np.linspace(begin, stop, moving), number, every)
-    paces = _pace_words(longest, times, fps)
+    places = np.linspace(begin, stop, moving)
+    times = np.interp(places, number, every)
+    whole = np.gradient(every)
+    paces = np.interp(places, number, whole)
+    factor = float(whole.max() / whole.min())
     greatest = int(np.abs(times - peak).argmin())
     if pause and 0 < greatest < moving - 1:
         times[greatest] = peak
-    held = [0] * start + [greatest] * pause + [moving - 1] * end
-    shots = [(k, Cue(times[k], pace=paces[k])) for k in range(moving)]
-    for k in held:
-        note = MOMENTS["greatest"] if times[k] == peak else ""
-        shots.append((k, Cue(times[k], note)))
-    shots.sort(key=lambda shot: shot[0])
-    return [cue for _, cue in shots]
+    held = np.zeros(moving, dtype=int)
+    held[0] += start
+    held[greatest] += pause
+    held[-1] += end
+    found = []
+    for k, t in enumerate(times):
+        pace = fps * (stop - begin) / max(moving - 1, 1) * paces[k]
+        is_slow = paces[k] <= _SLOW * whole.min()
+        found.append(Cue(t, pace=_pace_words(longest, pace, is_slow, factor)))
+        note = MOMENTS["greatest"] if t == peak else ""
+        found += repeat(Cue(t, note), held[k])
+    return found
 
 
-def _pace_words(run: Run, times: Array, fps: int) -> list[tuple[str, ...]]:
-    pace_text = run.scenario.words.pace
-    if not pace_text:
-        return [()] * len(times)
-    words = []
-    paces = fps * np.diff(times, append=2.0 * times[-1] - times[-2])
-    for pace in paces:
-        lines = [pace_text.format(float(f"{pace:.2g}"))]
-        if pace <= _SLOW * paces.min():
-            lines.append("slow motion")
-        words.append(tuple(lines))
-    return words
+def _pace_words(run: Run, pace: float, is_slow: bool, factor: float) -> tuple[str, ...]:
+    """Return the words for a `pace` [R/c per second]; the slowest is `factor` times
+    slower than the fastest."""
+    if not run.scenario.words.pace:
+        return ()
+    text = run.scenario.words.pace.format(float(f"{pace:.2g}"))
+    if is_slow and factor > _MUCH_SLOWER:
+        return text, f"slow motion, {factor:.0f} times"
+    return (text,)
 
 
 def still_cue(run: Run, span: Span) -> Cue:
@@ -196,24 +203,28 @@ def captions(run: Run, cues: Sequence[Cue]) -> list[Caption]:
     """Return the words of each picture of `run`."""
     columns = run.series
     scenario = run.scenario
-    times = [cue.t for cue in cues]
-    rows = [np.interp(times, columns["t"], each) for each in columns.values()]
     peak = greatest_compression(columns)
     result_time = columns["t"][-1]
     if scenario.is_thrown:
         _, result_time = contact_of(run)
     result = scenario.words.marks[0].format(**scenario.result(columns))
     found = []
-    for cue, *row in zip(cues, *rows, strict=True):
-        values = dict(zip(columns, map(float, row), strict=True))
-        one = Caption(scenario.caption(values | {"t": cue.t}), cue.note, pace=cue.pace)
+    times = [cue.t for cue in cues]
+    rows = [np.interp(times, columns["t"], each) for each in columns.values()]
+    for cue, values in zip(cues, np.transpose(rows), strict=True):
+        row = dict(zip(columns, values, strict=True)) | {"t": cue.t}
+        lines = scenario.caption(row)
+        note = cue.note
+        shown_result = ""
+        if cue.t < 0.0:
+            lines = (BEFORE, *lines[1:])
         if cue.t >= result_time:
-            one.result = result
+            shown_result = result
             if not scenario.is_thrown:
-                one.lines = one.lines[:1]  # the result says it with more digits
-        if one.note == MOMENTS["greatest"] and abs(cue.t - peak) > _NEAR_PEAK * peak:
-            one.note = ""  # the cue belongs to another run
-        found.append(one)
+                lines = lines[:1]  # the result says it with more digits
+        if note == MOMENTS["greatest"] and abs(cue.t - peak) > _NEAR_PEAK * peak:
+            note = ""  # the cue belongs to another run
+        found.append(Caption(cue.t, note, cue.pace, lines, shown_result))
     return found
 
 

@@ -200,11 +200,9 @@ class Pictures:
             drawn.append((image, marks))
         return drawn
 
-    def finish(
-        self, drawn: Sequence[Drawn], captions: Sequence[Caption], t: float
-    ) -> Picture:
+    def finish(self, drawn: Sequence[Drawn], captions: Sequence[Caption]) -> Picture:
         """Return the picture (height, width, 4) with what was drawn, the captions of
-        the disks, and the curves up to `t` [R/c]."""
+        the disks, and the curves up to their time."""
         width = self._width
         self._pixels[:] = self._still
         for k, (image, marks) in enumerate(drawn):
@@ -219,7 +217,7 @@ class Pictures:
         for line in self._scales.pace_lines(captions[0].pace):
             line.draw(self._draw, 0.0, self._letters.height - self._letters.footer)
         if self._panel:
-            self._panel.draw(self._picture[:, self._disks :], t)
+            self._panel.draw(self._picture[:, self._disks :], captions[0].t)
         return self._picture
 
     def again(self) -> Picture:

@@ -228,10 +228,13 @@ class Scales:
         views = np.array([one.view(factor) for one in recordings])
         left, _, low, _ = views.min(axis=0).tolist()
         _, right, _, high = views.max(axis=0).tolist()
-        names = recordings[0].limits
+        limits: dict[str, float] = {}
+        for one in recordings:
+            for name, limit in one.limits.items():
+                limits[name] = max(limit, limits.get(name, 0.0))
         return cls(
             magnify=factor,
-            limits={k: max(one.limits[k] for one in recordings) for k in names},
+            limits=limits,
             full_force=max(one.full_force for one in recordings),
             view=(left, right, low, high),
         )

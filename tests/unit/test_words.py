@@ -54,7 +54,9 @@ def test_the_arrow_of_the_scale_stands_for_a_round_force(value):
 def still(painter, size=720):
     """Return the constant words of a picture, and its scales."""
     letters = Letters(size)
-    block = legend(letters, size, ("A", "B"), painter.remarks, [Caption(["t"])])
+    block = legend(
+        letters, size, ("A", "B"), painter.remarks, [Caption(0.0, lines=("t",))]
+    )
     image = Image.new("RGBA", (size, size), "white")
     for line in block.lines:
         line.draw(ImageDraw.Draw(image), 0.0, 0.0)
@@ -72,7 +74,10 @@ def still(painter, size=720):
 @pytest.mark.parametrize("size", [64, 200, 240, 360, 720, 1080])
 def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, is_band):
     caption = Caption(
-        ["t = −14.12 R/c", "−0.78 v"], "greatest compression", "e = 0.9672"
+        t=-14.12,
+        lines=("t = −14.12 R/c", "−0.78 v"),
+        note="greatest compression",
+        result="e = 0.9672",
     )
     title = (
         "Impact on an elastic wall",
@@ -111,7 +116,9 @@ def test_words_stand_above_an_elastic_wall_however_large_they_are(is_elastic):
         above.lattice = replace(above.lattice, wall_surface=ends)
     letters = Letters(720, 1.5)
     title = ("Impact", "v = 0.1 c    η* = 0    a = 300/R    N = 1,099    seed 0")
-    disk = Disk(above, title, [Caption(["t = 1.00 R/c"])], [above.lattice.positions])
+    disk = Disk(
+        above, title, [Caption(1.0, lines=("t = 1.00 R/c",))], [above.lattice.positions]
+    )
     camera, (block,) = arranged([disk], 720, letters, (-3.0, 3.0, -4.0, 2.4))
     _, wall = camera.to_pixels((0.0, 0.0))
     _, _, _, bottoms = np.array(block.boxes).T
