@@ -205,7 +205,7 @@ def test_integrators_give_what_the_page_on_numerics_says():
     found = re.findall(
         row, (ROOT / "docs/numerics.md").read_text("utf-8"), re.MULTILINE
     )
-    assert len(found) == 7
+    assert len(found) == 6
     for eta_star, integrator, steps, e, part, power in found:
         estimate = float(
             f"{part}e{power.translate(str.maketrans('⁻⁰¹²³⁴⁵⁶⁷⁸⁹', '-0123456789'))}"
