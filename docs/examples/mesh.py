@@ -1,13 +1,13 @@
-"""A mesh of gmsh as a body: a tube of rubber of radius 50 mm, thrown at the rigid wall.
+"""A mesh of gmsh as a body: a tube of rubber, thrown at the rigid wall.
 
 python docs/examples/mesh.py
 
 With gmsh, `gmsh -2 tube.geo` makes tube.msh from this file tube.geo:
 
-    Point(1) = {0, 0, 0, 3};
+    Point(1) = {0, 0, 0, 0.06};
     For k In {0:2}
-      Point(2 + k) = {50 * Cos(2 * Pi * k / 3), 50 * Sin(2 * Pi * k / 3), 0, 3};
-      Point(5 + k) = {25 * Cos(2 * Pi * k / 3), 25 * Sin(2 * Pi * k / 3), 0, 3};
+      Point(2 + k) = {Cos(2 * Pi * k / 3), Sin(2 * Pi * k / 3), 0, 0.06};
+      Point(5 + k) = {0.5 * Cos(2 * Pi * k / 3), 0.5 * Sin(2 * Pi * k / 3), 0, 0.06};
     EndFor
     For k In {0:2}
       Circle(1 + k) = {2 + k, 1, 2 + (k + 1) % 3};
@@ -27,13 +27,13 @@ import numpy as np
 
 from taichi_disk import Lattice, load_scene, run
 
-OUTER, INNER = 50.0, 25.0  # radii [mm]
+OUTER, INNER = 1.0, 0.5  # radii [R]
 ROWS = 8  # rows of triangles from the inner to the outer circle
 SECTORS = 80  # points on each circle
 
 
 def tube() -> tuple[np.ndarray, np.ndarray]:
-    """Return the points (n, 2) [mm] and triangles (t, 3) of the tube."""
+    """Return the points (n, 2) [R] and triangles (t, 3) of the tube."""
     radius = INNER + (OUTER - INNER) * np.arange(ROWS + 1) / ROWS
     # Points of odd circles stand between those of even circles.
     turn = np.arange(SECTORS) + 0.5 * (np.arange(ROWS + 1)[:, None] % 2)

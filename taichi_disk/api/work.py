@@ -173,12 +173,13 @@ class Work:
         self.lap("export")
 
     def write_start(self, path: Path, scenario: Scenario) -> None:
+        lattice = scenario.lattice
         files.write_lattice(
             path / "lattice.npz",
-            scenario.lattice,
+            lattice,
             scenario.velocities,
+            unloaded=self._body().positions[: lattice.disk_points],
             impedance=scenario.model.impedance,
-            own=self.own.disk,
         )
 
     def write(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
@@ -21,8 +22,7 @@ from taichi_disk.lattice.triangles import (
 
 # limits for the larger of width and height [R]
 _MIN_EXTENT = 1.0
-MAX_EXTENT = 4.0
-MAX_OFFSET = 0.1  # largest distance of the points' mean from x = 0 [R]
+_MAX_EXTENT = 4.0
 # points closer than this are the same point [spacing of a hexagonal lattice]
 _MIN_DISTANCE = 1e-6
 # height over longest side of a user's triangle that cannot be told from a line
@@ -31,6 +31,12 @@ _ROUNDING = 1e-14
 _MASSES = (1e-150, 1e150)
 _LIGHTEST = 1e-15  # smallest mass over the largest
 _OF_SPRINGS = {"stiffness": (1e-12, 1e12), "rest_lengths": (1e-9, 1e3)}
+
+
+def refuse(is_bad: Any, fault: Callable[[int], str]) -> None:
+    """Raise InputError with the `fault` of the first bad row, if there is one."""
+    if is_bad.any():
+        raise InputError(fault(int(is_bad.argmax())))
 
 
 def point_array(points: ArrayLike) -> Array:
@@ -42,21 +48,20 @@ def point_array(points: ArrayLike) -> Array:
         raise InputError(
             f"a lattice has {MIN_POINTS} to {MAX_POINTS} points, not {len(x)}"
         )
-    for k in np.flatnonzero(~np.isfinite(x).all(axis=1)):
-        raise InputError(f"point {k} is not finite")
+    refuse(~np.isfinite(x).all(axis=1), lambda k: f"point {k} is not finite")
     return x
 
 
-def check_body(x: Array, max_offset: float = MAX_OFFSET) -> None:
+def check_body(x: Array, max_offset: float) -> None:
     """Raise InputError unless the points `x` (n, 2) [R] are distinct, have the size of
     a disk, and their mean is at most `max_offset` [R] from x = 0."""
     from scipy.spatial import cKDTree
 
     width, height = np.ptp(x, axis=0)
-    if not _MIN_EXTENT <= max(width, height) <= MAX_EXTENT:
+    if not _MIN_EXTENT <= max(width, height) <= _MAX_EXTENT:
         raise InputError(
             f"the points extend over {width:.4g} x {height:.4g} R: the larger must be"
-            f" between {_MIN_EXTENT:g} and {MAX_EXTENT:g} R (lengths are in units of"
+            f" between {_MIN_EXTENT:g} and {_MAX_EXTENT:g} R (lengths are in units of"
             " the disk's radius R)"
         )
     middle = x[:, 0].mean()
@@ -74,67 +79,84 @@ def checked_springs(springs: ArrayLike, n: int) -> Long:
     """Return `springs` as an array (m, 2) of distinct pairs of n points."""
     pairs = _checked_corners(springs, n, "spring", 2)
     first, second = pairs.T
-    for k in np.flatnonzero(first == second):
-        raise InputError(
-            f"spring {k} joins {pairs[k].tolist()}: it needs two different points"
-        )
-    _, distinct = np.unique(pair_keys(pairs, n), return_index=True)
-    for k in np.setdiff1d(np.arange(len(pairs)), distinct):
-        raise InputError(
-            f"spring {k} joins {pairs[k].tolist()}, which are joined already"
-        )
+
+    def shown(k: int) -> str:
+        return f"spring {k} joins {pairs[k].tolist()}"
+
+    refuse(first == second, lambda k: f"{shown(k)}: it needs two different points")
+    repeats = _repeats(pair_keys(pairs, n))
+    refuse(repeats, lambda k: f"{shown(k)}, which are joined already")
     return pairs
 
 
-def checked_triangles(
-    triangles: ArrayLike, x: Array, springs: NDArray[np.signedinteger] | None
-) -> Long:
+def _repeats(keys: Long) -> NDArray[np.bool_]:
+    """Return whether each of the `keys` (k,) stands earlier in the array, too."""
+    _, first = np.unique(keys, return_index=True)
+    is_repeat = np.ones(len(keys), bool)
+    is_repeat[first] = False
+    return is_repeat
+
+
+def checked_triangles(triangles: ArrayLike, x: Array, springs: Long | None) -> Long:
     """Validate `triangles` and orient them counter-clockwise."""
-    corners = _checked_corners(triangles, len(x), "triangle", 3)
+    n = len(x)
+    corners = _checked_corners(triangles, n, "triangle", 3)
     if len(corners) == 0:
         raise InputError("there are no triangles")
     clockwise = double_area(x[corners]) < 0.0
     corners[clockwise] = corners[clockwise, ::-1]
-    for k in np.flatnonzero(is_flat(x, corners, _ROUNDING)):
-        raise InputError(
-            f"{_shown_triangle(corners, k)}, is flat: its corners lie on one line"
-        )
-    _refuse_overlap(corners, x)
+    refuse_overlap(x, corners)
     if springs is not None:
-        _refuse_missing_sides(corners, springs, len(x))
+        side = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)
+        has_springs = np.isin(pair_keys(side, n), pair_keys(springs, n)).all(axis=1)
+        refuse(
+            ~has_springs,
+            lambda k: (
+                f"{_shown_triangle(corners, k)}, has a side that is no spring: add the"
+                " spring or remove the triangle"
+            ),
+        )
     return corners
 
 
-def _refuse_overlap(corners: Long, x: Array) -> None:
-    # Two triangles on the same side of a line of two points overlap. Then both have
-    # this line as a side of the same direction, because both are counter-clockwise.
+def refuse_overlap(x: Array, corners: Long) -> None:
+    """Raise InputError if a counter-clockwise triangle is flat, or two of them lie on
+    the same side of a line of two points."""
+    refuse(
+        is_flat(x, corners, _ROUNDING),
+        lambda k: (
+            f"{_shown_triangle(corners, k)}, is flat: its corners lie on one line"
+        ),
+    )
+    # Both have this line as a side of the same direction.
     start = corners.ravel()
     end = np.roll(corners, -1, axis=1).ravel()
     directed = start * len(x) + end  # a number for each side with its direction
-    _, first = np.unique(directed, return_index=True)
-    for side in np.setdiff1d(np.arange(len(directed)), first):
-        same_side = np.argmax(directed == directed[side])  # the first of them
+
+    def fault(side: int) -> str:
+        same_side = int(np.argmax(directed == directed[side]))  # the first of them
         earlier = _shown_triangle(corners, same_side // 3)
         later = _shown_triangle(corners, side // 3)
-        raise InputError(
+        return (
             f"{later}, and {earlier}, overlap: they lie on the same side of the line"
             f" between points {start[side]} and {end[side]}"
         )
 
-
-def _refuse_missing_sides(
-    corners: Long, springs: NDArray[np.signedinteger], n: int
-) -> None:
-    side = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)
-    has_springs = np.isin(pair_keys(side, n), pair_keys(springs, n)).all(axis=1)
-    for k in np.flatnonzero(~has_springs):
-        raise InputError(
-            f"{_shown_triangle(corners, k)}, has a side that is no spring: add the"
-            " spring or remove the triangle"
-        )
+    refuse(_repeats(directed), fault)
 
 
-def _shown_triangle(corners: Long, k: Any) -> str:
+def refuse_loose_points(x: Array, corners: Long) -> None:
+    """Raise InputError if a point of `x` (n, 2) is not among the `corners` (t, 3)."""
+    refuse(
+        ~np.isin(np.arange(len(x)), corners),
+        lambda k: (
+            f"point {k} at {shown_point(x[k])} is no corner of a triangle: remove it,"
+            " join it by more springs, or give `triangles`, as springs that cross need"
+        ),
+    )
+
+
+def _shown_triangle(corners: Long, k: int) -> str:
     return f"triangle {k}, {corners[k].tolist()}"
 
 
@@ -149,11 +171,13 @@ def _checked_corners(values: ArrayLike, n: int, name: str, width: int) -> Long:
         )
     corners = corners.astype(np.int64)
     is_outside = (corners < 0) | (corners >= n)
-    for k in np.flatnonzero(is_outside.any(axis=1)):
-        raise InputError(
+    refuse(
+        is_outside.any(axis=1),
+        lambda k: (
             f"{name} {k} is {corners[k].tolist()}: it must join {width} points of 0 to"
             f" {n - 1}"
-        )
+        ),
+    )
     return corners
 
 
@@ -190,11 +214,13 @@ def column(values: ArrayLike, count: int, name: str) -> Array:
 
 def _check_range(name: str, array: Array, low: float, high: float) -> None:
     is_allowed = (low <= array) & (array <= high)
-    for k in np.flatnonzero(~is_allowed):
-        raise InputError(
+    refuse(
+        ~is_allowed,
+        lambda k: (
             f"{name}[{k}] is {array[k]:g}: it must be a positive number, from {low:g}"
             f" to {high:g}"
-        )
+        ),
+    )
 
 
 def numbers(values: ArrayLike, name: str) -> Array:

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.errors import InputError, shown_path
-from taichi_disk.lattice.tables import read_table
-from taichi_disk.text_files import check_file, read_text
+from taichi_disk.text_files import check_file
 
 # size limit of a file; a disk and a wall of 2,000,000 points each take 430,000,000
 MAX_BYTES = 500_000_000
@@ -59,13 +58,7 @@ class _Arrays(dict[str, Any]):
 
 
 def read_arrays(path: Path) -> dict[str, Any]:
-    """Return the arrays of an npz file by name, or `positions` and possibly `masses` of
-    a table."""
-    if path.suffix.lower() in TABLES:
-        positions, masses = read_table(read_text(path, MAX_BYTES))
-        if masses is None:
-            return _Arrays(positions=positions)
-        return _Arrays(positions=positions, masses=masses)
+    """Return the arrays of an npz file by name."""
     # NumPy would take a broken zip file for a pickle
     with zipfile.ZipFile(path) as archive:
         if sum(item.file_size for item in archive.infolist()) > MAX_BYTES:

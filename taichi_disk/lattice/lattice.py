@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice import custom
 from taichi_disk.lattice.files import (
+    MAX_BYTES,
     TABLES,
     disk_rows,
     points_of_disk,
@@ -23,27 +23,30 @@ from taichi_disk.lattice.files import (
 )
 from taichi_disk.lattice.meshes import read_mesh
 from taichi_disk.lattice.random_points import circle_points
+from taichi_disk.lattice.tables import read_table
 from taichi_disk.lattice.triangles import (
-    MAX_SPRING,
     Array,
     Indices,
     Long,
     bond_lengths,
-    centred,
     chains,
+    compact_triangles,
     delaunay,
     distinct_sides,
     double_area,
+    enclosed_triangles,
     norms,
+    numbering,
     pair_keys,
     polygon_area,
-    reverse_cuthill_mckee,
-    shown_point,
-    triangles_of,
+    unusable,
     why_not_one_piece,
-    without_bridges,
-    without_slivers,
 )
+from taichi_disk.text_files import read_text
+
+# largest distance of the points' mean from x = 0 [R]: what a user gives, any lattice
+_MAX_OFFSET = 0.1
+_MAX_STORED_OFFSET = 1.0
 
 
 def _no_points() -> Indices:
@@ -163,7 +166,7 @@ class Lattice:
             is_outside = norms(x.T) > (1.0 + 1e-9) * hole
             triangles = triangles[is_outside[triangles].any(axis=1)]
             origin += f", hole {hole:g} R"
-        lattice, _ = tiled(x, triangles)
+        lattice = numbered(x, triangles)
         if core_radius:
             lattice = lattice._with_core(core_radius, core_stiffness, core_density)
             origin += (
@@ -198,18 +201,13 @@ class Lattice:
         """Make a lattice from user-supplied points: a body in one piece, possibly with
         holes, tiled by triangles.
 
-        Without `springs`, Delaunay neighbours are joined, and slivers along the hull
-        are removed: triangles whose outer side is longer than 3 median springs or 4
-        times the triangle's height, if the third point lies inside (after Duckham et
-        al., Pattern Recognition 41, 3224, 2008). If a spring is still longer than 5
-        median springs, triangles with a wider circumcircle are removed, which keeps
-        holes open. Given springs must form triangles, and may cross if the Delaunay
-        triangles are among these. Uncovered areas are holes.
+        Bare points are joined to Delaunay triangles whose circumcircles are at most 5
+        median springs wide. Three `springs` that enclose an undivided area make a
+        triangle; springs that cross need `triangles`. Uncovered areas are holes.
 
-        The points are renumbered; other arrays, such as velocities, must have the order
-        of `lattice.positions`. The springs are sorted by their points. If rest lengths
-        differ from distances, an impact starts strained, whereas a compression first
-        lets the free body come to rest.
+        Points and triangles keep their order; springs are sorted by their points. If
+        rest lengths differ from distances, an impact starts strained, whereas a
+        compression first lets the free body come to rest.
 
         Args:
             points: (n, 2) [R], 3 to 2,000,000 distinct points. The larger of width and
@@ -231,82 +229,47 @@ class Lattice:
         Raises InputError if the points or springs do not form such a body; the message
         says where.
         """
-        x = custom.point_array(points)
-        bonds = None
-        if springs is not None:
-            bonds = custom.checked_springs(springs, len(x))
-        weights: Array = np.ones(len(x))
-        if masses is not None:
-            weights = custom.column(masses, len(x), "masses")
-            custom.check_masses(weights)
-        corners = None
-        notes: tuple[str, ...] = ()
-        if triangles is not None:
-            corners = custom.checked_triangles(triangles, x, bonds)
-            used = np.unique(corners)
-            if bonds is None and len(used) < len(x):
-                notes = (custom.left_out(x, used),)
-                corners = np.searchsorted(used, corners)
-                x = x[used]
-                weights = weights[used]
-        custom.check_body(x)
-
-        lattice, order = _joined(x, bonds, corners)
-        lattice = replace(lattice, masses=_scaled_masses(weights[order]), notes=notes)
-        return _with_springs(lattice, order, bonds, rest_lengths, stiffness)
+        return _lattice_of(
+            points,
+            springs,
+            triangles,
+            masses=masses,
+            rest_lengths=rest_lengths,
+            stiffness=stiffness,
+        )
 
     @classmethod
     def read(cls, path: str | Path) -> Lattice:
         """Read a lattice from a file, in the same way as a scene's `lattice.file`.
 
-        - A table (.csv, .txt, .tsv) has the columns x, y [R] and optionally mass, see
+        - A table (.csv, .txt, .tsv) has the columns x, y and optionally mass, see
             `read_table`.
-        - An npz file has `positions` (n, 2) and optionally `bonds`, `rest_lengths`,
-            `triangles`, `stiffness` and `masses`, like lattice.npz of a run. Positions
-            beyond `disk_points` belong to an elastic wall and are ignored.
-        - An npz file of a run with a user-supplied lattice also has `unloaded`, see
-            docs/output.md. That lattice is restored bit for bit.
+        - An npz file has `positions` (n, 2) [R] and optionally `bonds`,
+            `rest_lengths`, `triangles`, `stiffness` and `masses`. Positions beyond
+            `disk_points` belong to an elastic wall and are ignored. If there is
+            `unloaded`, as in lattice.npz of a run, it counts instead of `positions`.
         - Other files are meshes, see `read_mesh`.
 
-        Except in the third case, `from_points` makes the lattice. Its `notes` say what
-        was scaled or left out. Raises InputError with the file's name if the file
-        cannot be read or its points do not form a disk.
+        Lengths are in R. `from_points` makes the lattice. Its `notes` say what was read
+        or left out. Raises InputError with the file's name if the file cannot be read
+        or its points do not form a disk.
         """
         path = Path(path)
         suffix = path.suffix.lower()
         with reading(path, "file"):
-            if suffix not in (*TABLES, ".npz"):
+            if suffix == ".npz":
+                return _stored(read_arrays(path), path.name)
+            if suffix not in TABLES:
                 points, triangles, notes = read_mesh(path)
                 lattice = cls.from_points(points, triangles=triangles)
-                notes += lattice.notes
-                return replace(lattice, origin=path.name, notes=notes)
-            arrays = read_arrays(path)
-            if "unloaded" in arrays:
-                return cls._restored(arrays)
-            return replace(cls._of_arrays(arrays), origin=path.name)
-
-    @classmethod
-    def _of_arrays(cls, arrays: dict[str, Any]) -> Lattice:
-        count = len(np.atleast_1d(arrays["positions"]))
-        disk_points = points_of_disk(arrays, count)
-        if disk_points < count:  # leave the elastic wall out
-            arrays |= disk_rows(arrays, disk_points)
-        names = ("rest_lengths", "triangles", "stiffness", "masses")
-        others = {name: arrays.get(name) for name in names}
-        return cls.from_points(arrays["positions"], arrays.get("bonds"), **others)
-
-    @classmethod
-    def _restored(cls, arrays: dict[str, Any]) -> Lattice:
-        """Return the user-supplied lattice that a run has stored."""
-        x = custom.point_array(arrays["unloaded"])
-        stored = disk_rows(arrays, len(x)) | {"positions": x}
-        disk = cls(
-            **stored,
-            disk_points=len(x),
-            disk_surface=_no_points(),
-            origin=str(arrays["origin"]),
-        )
-        return checked_disk(disk)
+                return replace(lattice, origin=path.name, notes=notes + lattice.notes)
+            points, masses = read_table(read_text(path, MAX_BYTES))
+            lattice = cls.from_points(points, masses=masses)
+            columns = "x, y, no masses"
+            if masses is not None:
+                columns = "x, y, mass from the header"
+            note = f"{len(points):,} points; {columns}"
+            return replace(lattice, origin=path.name, notes=(note,))
 
 
 def _mean_on_edge(place: Array, inside: float) -> Array:
@@ -315,10 +278,11 @@ def _mean_on_edge(place: Array, inside: float) -> Array:
 
 
 def _scaled_masses(masses: Array) -> Array:
-    """Scale `masses` to a sum of 1 M. Equal masses become exactly equal."""
-    if (masses == masses[0]).all():
-        return np.full(len(masses), 1.0 / len(masses))
-    return masses / math.fsum(masses)
+    """Scale `masses` to a sum of 1 M, unless that is their sum."""
+    total = math.fsum(masses)
+    if abs(total - 1.0) <= 1e-12:
+        return masses
+    return masses / total
 
 
 def _stiffness_or_none(factors: Array | None) -> Array | None:
@@ -328,56 +292,49 @@ def _stiffness_or_none(factors: Array | None) -> Array | None:
 
 
 def triangulate(points: Array) -> Lattice:
-    lattice, _ = tiled(points, delaunay(points))
-    return lattice
+    return numbered(points, delaunay(points))
 
 
-def tiled(
-    points: Array,
-    triangles: Long,
-    bonds: Long | None = None,
-    order: Long | None = None,
-) -> tuple[Lattice, Long]:
-    """Return a lattice of equal masses and unstretched springs, and `order`: its
-    positions are points[order].
+def numbered(points: Array, triangles: Long) -> Lattice:
+    """Return the lattice of `tiled` with its points in another order, which keeps
+    memory accesses local. Raises SimulationError, too, if a point is no corner."""
+    if len(np.unique(triangles)) < len(points):
+        raise unusable("is degenerate")
+    order = numbering(triangles, points)
+    return tiled(points[order], np.argsort(order)[triangles])
 
-    `bonds` (m, 2) default to the sides of `triangles` (t, 3), `order` to reverse
-    Cuthill-McKee numbering from the leftmost point, which keeps memory accesses local.
-    The outline begins at its lowest index. Raises SimulationError if the triangles do
-    not tile the interior of the outline, or if a point belongs to no triangle.
+
+def tiled(points: Array, triangles: Long, bonds: Long | None = None) -> Lattice:
+    """Return a lattice of equal masses and unstretched springs.
+
+    `bonds` (m, 2) default to the sides of `triangles` (t, 3). The outline begins at its
+    lowest index. Raises SimulationError if the triangles do not tile the interior of
+    the outline.
     """
     n = len(points)
-    outline = outline_of(points, triangles)
+    surface = outline_of(points, triangles)
     if bonds is None:
         side, first, _ = distinct_sides(triangles, n)
         bonds = side[first]
-    if order is None:
-        leftmost = int(np.argmin(points[:, 0]))
-        order = reverse_cuthill_mckee(bonds, n, leftmost)
-    rank = np.argsort(order)
-    bonds = np.sort(rank[bonds], axis=1)
+    bonds = np.sort(bonds, axis=1)
     i, j = bonds.T
     bonds = bonds[np.argsort(i * n + j)]
-    x = points[order]
-    surface = rank[outline]
     surface = np.roll(surface, -int(np.argmin(surface)))
-    lattice = Lattice(
-        positions=x,
+    return Lattice(
+        positions=points,
         bonds=bonds.astype(np.int32),
-        rest_lengths=bond_lengths(x, bonds),
+        rest_lengths=bond_lengths(points, bonds),
         masses=np.full(n, 1.0 / n),
         disk_points=n,
         disk_surface=surface.astype(np.int32),
-        triangles=rank[triangles].astype(np.int32),
+        triangles=triangles.astype(np.int32),
     )
-    return lattice, order
 
 
 def outline_of(points: Array, triangles: Long) -> Long:
     """Return the outer outline (h,) of `triangles` (t, 3), counter-clockwise.
 
-    Raises SimulationError if the triangles do not tile the interior of the outline, or
-    if a point belongs to no triangle.
+    Raises SimulationError if the triangles do not tile the interior of the outline.
     """
     n = len(points)
     side, first, count = distinct_sides(triangles, n)
@@ -393,32 +350,59 @@ def outline_of(points: Array, triangles: Long) -> Long:
     is_tiled = abs(area - sum(ring_areas)) <= 1e-9 * area
     # Euler's formula
     is_one_piece = n - len(first) + len(triangles) == 1 - len(holes)
-    has_all_points = len(np.unique(triangles)) == n
-    if not (are_open and is_tiled and is_one_piece and has_all_points):
-        raise SimulationError(
-            "the triangulation is degenerate: choose another lattice seed"
-        )
+    if not (are_open and is_tiled and is_one_piece):
+        raise unusable("is degenerate")
     return rings[0]
 
 
-def _joined(
-    x: Array, bonds: Long | None, triangles: Long | None
-) -> tuple[Lattice, Long]:
-    """Return the lattice of the points `x` (n, 2) and the order of `tiled`."""
-    if triangles is not None:
-        return _first_in_one_piece(x, bonds, triangles)
-    if bonds is not None:
-        return _first_in_one_piece(x, bonds, *triangles_of(x, bonds))
-    return _meshed(x)
-
-
-def _with_springs(
-    lattice: Lattice, order: Long, bonds: Long | None, rest_lengths: Any, stiffness: Any
+def _lattice_of(
+    points: Any,
+    springs: Any,
+    triangles: Any,
+    masses: Any,
+    max_offset: float = _MAX_OFFSET,
+    **of_springs: Any,
 ) -> Lattice:
-    """Return `lattice`, whose points are points[order], with values (m,) of the user's
-    `bonds`, or as it is if they are None."""
+    """Return the lattice of user-supplied arrays, as `Lattice.from_points` does.
+    `of_springs`: rest_lengths and stiffness, or None."""
+    x = custom.point_array(points)
+    bonds = None
+    if springs is not None:
+        bonds = custom.checked_springs(springs, len(x))
+    weights: Array = np.ones(len(x))
+    if masses is not None:
+        weights = custom.column(masses, len(x), "masses")
+        custom.check_masses(weights)
+    notes: tuple[str, ...] = ()
+    if triangles is not None:
+        corners = custom.checked_triangles(triangles, x, bonds)
+        used = np.unique(corners)
+        if bonds is None and len(used) < len(x):
+            notes = (custom.left_out(x, used),)
+            corners = np.searchsorted(used, corners)
+            x = x[used]
+            weights = weights[used]
+    custom.check_body(x, max_offset)
+    if triangles is None and bonds is not None:
+        corners = enclosed_triangles(x, bonds)
+    elif triangles is None:
+        corners = compact_triangles(x)
+    custom.refuse_loose_points(x, corners)
+    try:
+        lattice = tiled(x, corners, bonds)
+    except SimulationError:
+        raise InputError(
+            f"the triangles do not form one connected piece:"
+            f" {why_not_one_piece(x, corners)}"
+        ) from None
+    arrays = _spring_arrays(bonds, len(x), **of_springs)
+    return replace(lattice, masses=_scaled_masses(weights), notes=notes, **arrays)
+
+
+def _spring_arrays(bonds: Long | None, n: int, **of_springs: Any) -> dict[str, Any]:
+    """Return the values (m,) of the user's `bonds` in the order of the lattice."""
     arrays: dict[str, Any] = {}
-    for name, values in (("rest_lengths", rest_lengths), ("stiffness", stiffness)):
+    for name, values in of_springs.items():
         if values is None:
             continue
         if bonds is None:
@@ -427,49 +411,34 @@ def _with_springs(
             )
         array = custom.column(values, len(bonds), name)
         custom.check_springs(name, array)
-        rank = np.argsort(order)
-        keys = pair_keys(rank[bonds], len(order))
-        arrays[name] = array[np.argsort(keys)]
-    lattice = replace(lattice, **arrays)
-    return replace(lattice, stiffness=_stiffness_or_none(lattice.stiffness))
+        arrays[name] = array[np.argsort(pair_keys(bonds, n))]
+    arrays["stiffness"] = _stiffness_or_none(arrays.get("stiffness"))
+    return arrays
 
 
-def _first_in_one_piece(
-    x: Array, bonds: Long | None, *candidates: Long, order: Long | None = None
-) -> tuple[Lattice, Long]:
-    tiling = None
-    for triangles in candidates:
-        with suppress(SimulationError):
-            tiling = tiled(x, triangles, bonds, order)
-            if tiling[0].whole:
-                break
-    if tiling is None:
-        raise InputError(
-            "the triangles of springs do not form one connected piece:"
-            f" {why_not_one_piece(x, candidates[-1])}"
-        )
-    return tiling
-
-
-def _meshed(x: Array) -> tuple[Lattice, Long]:
-    triangles = delaunay(centred(x))
-    neat = without_slivers(x, triangles)
-    lattice, order = _first_in_one_piece(x, None, neat, triangles)
-    length = lattice.rest_lengths
-    typical = float(np.median(length))
-    longest = int(length.argmax())
-    if length[longest] <= MAX_SPRING * typical:
-        return lattice, order
-    try:
-        return tiled(x, without_bridges(x, neat))
-    except SimulationError:
-        start, end = lattice.positions[lattice.bonds[longest]]
-        raise InputError(
-            f"the spring from {shown_point(start)} to {shown_point(end)} would cross a"
-            f" gap of {length[longest]:.3g} R (the median spring is {typical:.3g} R"
-            " long), but without it the body falls apart: fill the gap with points, or"
-            " give `springs` (`bonds` in an npz file) that go round it"
-        ) from None
+def _stored(arrays: dict[str, Any], origin: str) -> Lattice:
+    """Return the lattice of an npz file."""
+    max_offset = _MAX_OFFSET
+    points = arrays.get("unloaded")
+    if points is None:
+        points = np.atleast_1d(arrays["positions"])
+        n = points_of_disk(arrays, len(points))
+    else:
+        points = np.atleast_1d(points)
+        n = len(points)
+        origin = str(arrays["origin"])
+        max_offset = _MAX_STORED_OFFSET
+    rows = disk_rows(arrays, n)
+    lattice = _lattice_of(
+        points[:n],
+        rows.get("bonds"),
+        rows.get("triangles"),
+        rows.get("masses"),
+        max_offset,
+        rest_lengths=rows.get("rest_lengths"),
+        stiffness=rows.get("stiffness"),
+    )
+    return replace(lattice, origin=origin)
 
 
 def disk_of(lattice: Lattice) -> Lattice:
@@ -495,20 +464,16 @@ def disk_of(lattice: Lattice) -> Lattice:
 
 
 def checked_disk(lattice: Lattice) -> Lattice:
-    """Return the disk of a lattice that a user made or stored, without its wall, its
-    springs sorted and its triangles and outline counter-clockwise.
-
-    Raises InputError unless its points, springs and triangles form such a body as
-    `Lattice.from_points` makes.
-    """
+    """Return the disk of a lattice that a user made, without its wall, in the form that
+    kernels need. Raises InputError as `Lattice.from_points` does."""
     disk = disk_of(lattice)
-    x = custom.point_array(disk.positions)
-    custom.check_body(x, max_offset=1.0)
-    masses = custom.column(disk.masses, len(x), "masses")
-    custom.check_masses(masses)
-    bonds = custom.checked_springs(disk.bonds, len(x))
-    corners = custom.checked_triangles(disk.triangles, x, bonds)
-    same = np.arange(len(x))
-    checked, _ = _first_in_one_piece(x, bonds, corners, order=same)
-    checked = _with_springs(checked, same, bonds, disk.rest_lengths, disk.stiffness)
-    return replace(checked, masses=masses, origin=disk.origin, notes=disk.notes)
+    checked = _lattice_of(
+        disk.positions,
+        disk.bonds,
+        disk.triangles,
+        disk.masses,
+        _MAX_STORED_OFFSET,
+        rest_lengths=disk.rest_lengths,
+        stiffness=disk.stiffness,
+    )
+    return replace(checked, origin=disk.origin, notes=disk.notes)

@@ -14,12 +14,9 @@ Long = NDArray[np.int64]
 
 # height over longest side; a flatter triangle is three points on a line
 _MIN_HEIGHT = 1e-9
-# in median springs; a triangle with a longer outer side is a sliver
-_MAX_OUTER_SIDE = 3.0
-_SLIVER_HEIGHT = 0.25  # height over outer side; a flatter triangle is a sliver
-# longest spring without a gap, in median springs; lattices of random points have up to
-# 4.4
-MAX_SPRING = 5.0
+# largest diameter of a circumcircle inside a body of bare points, in median springs;
+# random points have up to 4
+_MAX_CIRCLE = 5.0
 
 
 def bond_lengths(positions: Array, bonds: NDArray[np.signedinteger]) -> Array:
@@ -66,84 +63,63 @@ def centred(x: Array) -> Array:
     return x - np.round(x.mean(axis=0))
 
 
-def triangles_of(x: Array, springs: Long) -> tuple[Long, Long]:
-    """Return two tilings (t, 3): the Delaunay triangles whose sides are springs, and
-    all triangles whose sides are."""
-    # The first tiling is right even if springs cross, the second only if no springs
-    # cross.
-    n = len(x)
-    cycles = _spring_cycles(n, springs)
-    clockwise = double_area(x[cycles]) < 0.0
-    cycles[clockwise] = cycles[clockwise, ::-1]
-    cycles = cycles[~is_flat(x, cycles)]
-    for k in np.setdiff1d(np.arange(n), cycles):
+def compact_triangles(x: Array) -> Long:
+    """Return the Delaunay triangles (t, 3) of bare points (n, 2) whose circumcircles
+    are at most _MAX_CIRCLE median springs wide, and the narrowest triangle of every
+    other point."""
+    # Sorted, so that the numbering of the points does not choose diagonals of squares.
+    order = np.lexsort(x.T)
+    triangles = order[delaunay(centred(x[order]))]
+    side, first, _ = distinct_sides(triangles, len(x))
+    length = bond_lengths(x, side)
+    median = float(np.median(length[first]))
+    # The diameter of the circumcircle is the product of the sides over twice the area.
+    sides = length.reshape(3, -1)
+    diameter = sides.prod(axis=0) / double_area(x[triangles])
+    narrowest = np.full(len(x), np.inf)
+    np.minimum.at(narrowest, triangles, diameter[:, None])
+    limit = np.maximum(narrowest, _MAX_CIRCLE * median)
+    is_compact = diameter <= limit[triangles].max(axis=1)
+    longest = sides.max(axis=0) * is_compact
+    k = int(longest.argmax())
+    if longest[k] > _MAX_CIRCLE * median:
         raise InputError(
-            f"point {k} at {shown_point(x[k])} is no corner of a triangle of springs:"
-            " remove it, or join it by more springs"
+            f"a spring of {longest[k]:.3g} R at {shown_point(x[triangles[k, 0]])} would"
+            f" cross a gap (the median spring is {median:.3g} R long): fill the gap"
+            " with points, or give `triangles`"
         )
-
-    triangles = delaunay(centred(x))
-    side = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2)
-    is_spring = np.isin(pair_keys(side, n), pair_keys(springs, n))
-    return triangles[is_spring.all(axis=1)], cycles
+    return triangles[is_compact]
 
 
-def _spring_cycles(n: int, springs: Long) -> Long:
-    """Return all triangles (t, 3), i < j < k, whose three sides are among `springs`
-    (m, 2)."""
-    pairs = np.sort(springs, axis=1).tolist()
-    later: list[set[int]] = [set() for _ in range(n)]
-    for i, j in pairs:
-        later[i].add(j)
-    cycles = []
-    for i, j in pairs:
-        for k in sorted(later[i] & later[j]):
-            cycles.append((i, j, k))
-    return np.array(cycles, np.int64).reshape(-1, 3)
+def enclosed_triangles(x: Array, springs: Long) -> Long:
+    """Return the counter-clockwise triangles (t, 3) that three `springs` (m, 2) enclose
+    and no spring divides."""
+    n = len(x)
+    start, end = np.concatenate([springs, springs[:, ::-1]]).T
+    along_x, along_y = (x[end] - x[start]).T
+    around = np.lexsort((np.arctan2(along_y, along_x), start))
+    start = start[around]
+    end = end[around]
+    key = start * n + end
+    by_key = np.argsort(key)
+    opposite = by_key[np.searchsorted(key[by_key], end * n + start)]
+    # On the left of a spring from i to j the next side leads from j to the neighbour
+    # that precedes i around j.
+    before = np.arange(len(start)) - 1
+    is_first = np.diff(start, prepend=-1) > 0
+    before[is_first] = np.searchsorted(start, start[is_first], "right") - 1
+    second = before[opposite]
+    third = second[second]
+    corners = np.stack([start, start[second], start[third]], axis=1)
+    is_closed = second[third] == np.arange(len(start))
+    is_lowest = corners.argmin(axis=1) == 0  # each triangle is found from three sides
+    corners = corners[is_closed & is_lowest]
+    return corners[~is_flat(x, corners)]
 
 
 def shown_point(point: Array) -> str:
     x, y = np.round(point, 9) + 0.0  # no digits of rounding errors, and no -0
     return f"({x:.4g}, {y:.4g})"
-
-
-def without_slivers(x: Array, triangles: Long) -> Long:
-    """Remove slivers from the outside in, longest outer side first, so that the outline
-    remains one closed chain."""
-    n = len(x)
-    side, first, _ = distinct_sides(triangles, n)
-    max_length = _MAX_OUTER_SIDE * float(np.median(bond_lengths(x, side[first])))
-    while True:
-        side, first, count = distinct_sides(triangles, n)
-        outer = first[count == 1]
-        start, end = side[outer].T
-        owner = outer % len(triangles)  # the triangle of each outer side
-        corners = triangles[owner]
-        third = corners.sum(axis=1) - start - end
-        length = np.linalg.norm(x[start] - x[end], axis=1)
-        is_long = length > max_length
-        is_low = double_area(x[corners]) < _SLIVER_HEIGHT * length**2
-        # If the third point is already on the outline, two parts of the body would
-        # share only that point.
-        is_inner = ~np.isin(third, start)
-        slivers = np.flatnonzero((is_long | is_low) & is_inner)
-        if len(slivers) == 0:
-            return triangles
-        longest_first = slivers[np.argsort(-length[slivers], kind="stable")]
-        # one sliver for each third point
-        _, chosen = np.unique(third[longest_first], return_index=True)
-        triangles = np.delete(triangles, owner[longest_first[chosen]], axis=0)
-
-
-def without_bridges(x: Array, triangles: Long) -> Long:
-    """Remove triangles that bridge a hole: those with circumcircles wider than
-    MAX_SPRING median springs."""
-    side, first, _ = distinct_sides(triangles, len(x))
-    length = bond_lengths(x, side)
-    widest = MAX_SPRING * float(np.median(length[first]))
-    # The diameter of the circumcircle is the product of the sides over twice the area.
-    product = length.reshape(3, -1).prod(axis=0)
-    return triangles[product <= widest * double_area(x[triangles])]
 
 
 def distinct_sides(triangles: Long, n: int) -> tuple[Long, Long, Long]:
@@ -191,7 +167,7 @@ def chains(sides: Long) -> list[Long]:
     SimulationError if that is impossible."""
     following = dict(sides.tolist())
     if len(following) < len(sides):
-        raise _no_outline()  # two parts share only a point
+        raise unusable("has no closed outline")  # two parts share only a point
     rings = []
     while following:
         start, point = following.popitem()
@@ -199,16 +175,14 @@ def chains(sides: Long) -> list[Long]:
         while point != start:
             ring.append(point)
             if point not in following:
-                raise _no_outline()
+                raise unusable("has no closed outline")
             point = following.pop(point)
         rings.append(np.array(ring))
     return rings
 
 
-def _no_outline() -> SimulationError:
-    return SimulationError(
-        "the triangulation has no closed outline: choose another lattice seed"
-    )
+def unusable(fault: str) -> SimulationError:
+    return SimulationError(f"the triangulation {fault}: choose another lattice seed")
 
 
 def why_not_one_piece(x: Array, triangles: Long) -> str:
@@ -231,14 +205,17 @@ def why_not_one_piece(x: Array, triangles: Long) -> str:
     return "parts of it share only single points: join them by triangles"
 
 
-def reverse_cuthill_mckee(bonds: Long, n: int, start: int) -> Long:
-    """Return the reverse Cuthill-McKee order (n,) of points joined by `bonds` (m, 2),
-    beginning at `start`."""
+def numbering(triangles: Long, x: Array) -> Long:
+    """Return the reverse Cuthill-McKee order (n,) of the corners `x` (n, 2), which
+    keeps memory accesses local. It begins at the leftmost point."""
     # SciPy begins at a point of lowest degree and breaks ties by an unstable sort. An
-    # additional point, with a single bond to `start`, makes its choice unique.
+    # additional point, with a single bond to the leftmost, makes its choice unique.
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-    i, j = np.append(bonds, [[start, n]], axis=0).T
+    n = len(x)
+    side, first, _ = distinct_sides(triangles, n)
+    leftmost = int(np.argmin(x[:, 0]))
+    i, j = np.append(side[first], [[leftmost, n]], axis=0).T
     graph = coo_matrix((np.ones(len(i)), (i, j)), shape=(n + 1, n + 1))
     return reverse_cuthill_mckee(graph.tocsr())[:-1].astype(np.int64)

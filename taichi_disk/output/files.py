@@ -219,14 +219,15 @@ def write_lattice(
     path: Path,
     lattice: Lattice,
     velocities: Array,
+    unloaded: Array,
     impedance: Any = None,
-    own: Any = None,
 ) -> None:
     """Write lattice.npz: the state at t = 0 in scene coordinates, from which another
     program can repeat the run.
 
-    `velocities` (n, 2) [c]; `impedance` (k, 2) [M c/R] of the points of a matched
-    boundary; `own`: a custom unloaded disk, which `lattice.file` can read back.
+    `velocities` (n, 2) [c]; `unloaded` (N, 2) [R]: points of the disk before they are
+    turned, lifted or loaded, which `lattice.file` reads back bit for bit; `impedance`
+    (k, 2) [M c/R] of the points of a matched boundary.
     """
     names = [
         "positions",
@@ -235,6 +236,8 @@ def write_lattice(
         "masses",
         "disk_points",
         "disk_surface",
+        "triangles",
+        "origin",
     ]
     if len(lattice.wall_surface):
         names += ["wall_surface", "wall_boundary"]
@@ -243,13 +246,7 @@ def write_lattice(
     arrays = {name: getattr(lattice, name) for name in names}
     if impedance is not None and len(impedance):
         arrays["wall_impedance"] = impedance
-    if own is not None:
-        arrays |= {
-            "unloaded": own.positions,
-            "triangles": lattice.triangles,
-            "origin": lattice.origin,
-        }
-    write_arrays(path, velocities=velocities, **arrays)
+    write_arrays(path, velocities=velocities, unloaded=unloaded, **arrays)
 
 
 @lru_cache(maxsize=1)

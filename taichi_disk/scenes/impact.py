@@ -116,11 +116,17 @@ class ImpactScene(DiskScene):
             raise InputError(
                 f"velocities: their mean must point down, to the wall, not {up:+g} c"
             )
-        # exactly 0 straight down, in spite of rounding
-        angle = round(float(np.arctan2(along, -up)), 12)
-        return self.with_(
-            {"impact.velocity": float(np.hypot(along, up)), "impact.angle": angle}
+        speed = float(np.hypot(along, up))
+        angle = float(np.arctan2(along, -up))
+        # A scene that throws a disk so, but for rounding, stays as it is.
+        faults = np.array(
+            [speed / self.impact.velocity - 1.0, angle - self.impact.angle]
         )
+        if (np.abs(faults) < 1e-12).all():
+            return self
+        # exactly 0 straight down, in spite of rounding
+        angle = round(angle, 12)
+        return self.with_({"impact.velocity": speed, "impact.angle": angle})
 
     # ---- the start
 

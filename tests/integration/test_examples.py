@@ -82,7 +82,6 @@ def test_a_custom_lattice_is_thrown():
 
 def test_a_mesh_of_gmsh_is_thrown():
     shown = output_of("mesh")
-    assert "multiplied by 0.02" in shown
     assert "1 of 721 points belong to no triangle" in shown
     assert "the first is point 0 at (0, 0)" in shown
     points, springs, e = numbers(r"(\d+) points, (\d+) springs\ne = ([\d.]+)", shown)

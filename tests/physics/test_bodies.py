@@ -11,6 +11,7 @@ from bodies import FALLING, FREE, advance, computed, disk, non_uniform, pressed,
 from numpy.testing import assert_allclose
 from scipy.linalg import eigh
 
+from taichi_disk import run
 from taichi_disk.computation.outcome import compute
 from taichi_disk.computation.stability import spectrum
 from taichi_disk.fields import Triangles, stress
@@ -294,3 +295,65 @@ def test_a_core_too_large_for_its_place_is_pressed_and_the_ring_around_it_pulled
     # one closed line is drawn
     assert len(triangles.interfaces) == len(edge)
     assert np.abs(edge - a).max() < 1e-3
+
+
+CORE = {"lattice.core_radius": 0.6, "lattice.core_stiffness": 3.0}
+ABSORBING = {"lattice.points": 100, "wall.points": 130, "impact.spin": 0.02}
+REPEATED = {
+    "spin": ("exponential_wall", {"lattice.points": 60, "impact.spin": 0.05}),
+    "turned core": (
+        "exponential_wall",
+        {"lattice.points": 80, "impact.angle": 0.3, "impact.turn": 0.3, **CORE},
+    ),
+    "wall": ("absorbing_wall", {**ABSORBING, **CORE, "lattice.core_density": 2.0}),
+    "compression": ("compression", {"lattice.points": 60}),
+    "loading": ("compression", {"lattice.points": 60, "compression.method": "newton"}),
+}
+
+
+@pytest.mark.parametrize("name", REPEATED)
+def test_a_run_repeated_from_its_lattice_file_is_the_same_bit_for_bit(tmp_path, name):
+    kind, changes = REPEATED[name]
+    scene = load_scene(kind).with_(changes)
+    first = run(scene, tmp_path / "first", video=False, lattices=1)
+    file = str(tmp_path / "first" / "lattice.npz")
+    own = scene.with_({"lattice.file": file, "lattice.velocities": file})
+    again = run(own, lattices=1)
+    assert again.numbers == first.numbers
+    for column, values in first.series.items():
+        assert (again.series[column] == values).all()
+    assert (again.velocities == first.velocities).all()
+
+
+def test_what_belongs_to_points_stays_with_them_however_they_are_numbered(tmp_path):
+    disk = Lattice.disk(60, seed=1, core_radius=0.6, core_stiffness=3, core_density=2)
+    x = disk.positions
+    arrays = {
+        "positions": x,
+        "bonds": disk.bonds,
+        "rest_lengths": disk.rest_lengths,
+        "stiffness": disk.stiffness,
+        "masses": disk.masses,
+        "velocities": np.stack([0.05 * x[:, 1], -0.02 - 0.05 * x[:, 0]], axis=1),
+    }
+    order = np.random.default_rng(0).permutation(60)
+    springs = np.random.default_rng(1).permutation(len(disk.bonds))
+    shuffled = {
+        "bonds": np.argsort(order)[disk.bonds][springs],
+        "rest_lengths": disk.rest_lengths[springs],
+        "stiffness": disk.stiffness[springs],
+    }
+    for name in ("positions", "masses", "velocities"):
+        shuffled[name] = arrays[name][order]
+    found = []
+    for name, content in (("plain", arrays), ("shuffled", shuffled)):
+        path = str(tmp_path / f"{name}.npz")
+        np.savez(path, **content)
+        scene = load_scene("exponential_wall").with_(
+            {"lattice.file": path, "lattice.velocities": path, "wall.friction": 0.2}
+        )
+        found.append(run(scene, lattices=1).numbers)
+        bare = Lattice.from_points(content["positions"], masses=content["masses"])
+        found.append(run(scene.with_({"lattice.file": "none"}), lattice=bare).numbers)
+    for plain, other in zip(found[:2], found[2:], strict=True):
+        assert other == pytest.approx(plain, rel=1e-9)

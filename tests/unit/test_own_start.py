@@ -80,7 +80,7 @@ def test_stored_triangles_are_turned_counter_clockwise(tmp_path):
         ({"unloaded": DISK.positions + [50.0, 0.0]}, "mean lies at x = 5"),
         (
             {"unloaded": changed(DISK.positions, 5, DISK.positions[6])},
-            "5 and 6 are the",
+            "[16, 6, 5], is flat",
         ),
         ({"unloaded": DISK.positions[:1]}, "3 to 2000000 points, not 1"),
         ({"unloaded": np.array("a")}, "array of real numbers"),
@@ -102,9 +102,9 @@ def test_stored_triangles_are_turned_counter_clockwise(tmp_path):
         ),
         ({"rest_lengths": 1e4 * DISK.rest_lengths}, "rest_lengths[0]"),
         ({"stiffness": 1e20 * DISK.stiffness}, "stiffness[0]"),
-        ({"masses": changed(DISK.masses, 5, 1e-300)}, "masses of the disk must add up"),
+        ({"masses": changed(DISK.masses, 5, 1e-300)}, "masses[5] is 1e-300"),
         ({"triangles": DISK.triangles[:0]}, "there are no triangles"),
-        ({"triangles": DISK.triangles[:7]}, "do not form one connected piece"),
+        ({"triangles": DISK.triangles[:7]}, "is no corner of a triangle"),
     ],
 )
 def test_a_stored_lattice_is_checked_as_what_a_user_gives(tmp_path, changes, message):
