@@ -185,6 +185,7 @@ def _view(arguments: argparse.Namespace) -> None:
         arguments.port,
         arguments.open,
         arguments.origin,
+        arguments.disks,
     )
 
 
@@ -378,6 +379,13 @@ def _parser() -> argparse.ArgumentParser:
         metavar="URL",
         help="address at which a reverse proxy serves the page, such as"
         " https://example.org/disk",
+    )
+    add(
+        "--disks",
+        type=partial(_count, most=1000),
+        default=40,
+        metavar="N",
+        help="most pages that can play at once (default: 40)",
     )
 
     add = command(

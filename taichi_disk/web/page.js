@@ -7,7 +7,11 @@ import { recall, remember } from "./html.js";
 const ADDRESS = new URL("socket", location.href);
 const KEY = "taichi-disk session"; // name under which the key of the session is stored
 
+const SILENCE = 5000; // without an answer, after which the socket is taken for dead [ms]
+const PATIENCE = 15000; // of hearing nothing, after which the page asks [ms]
+
 let socket;
+let heard = 0; // when the program was heard last [ms]
 let key = recall(KEY);
 
 const send = (message) =>
@@ -25,12 +29,32 @@ async function askWhy() {
   }
 }
 
+// Ask whether the program is still there. A socket that a sleep, or another network, has cut stays
+// open for minutes and says nothing.
+function ask() {
+  if (socket.readyState !== WebSocket.OPEN) return;
+  const asked = performance.now();
+  const asking = socket;
+  send({ do: "alive" });
+  setTimeout(() => heard < asked && asking === socket && reopen(), SILENCE);
+}
+
+function reopen() {
+  socket.onclose = null; // a dead socket takes long to close
+  socket.close();
+  sandbox.lost();
+  open();
+}
+
 function open() {
   socket = new WebSocket(`${ADDRESS.href.replace(/^http/, "ws")}?${key}`);
   socket.binaryType = "arraybuffer";
   let isOpened = false;
   socket.onopen = () => (isOpened = true);
-  socket.onmessage = ({ data }) => sandbox.receive(data);
+  socket.onmessage = ({ data }) => {
+    heard = performance.now();
+    sandbox.receive(data);
+  };
   socket.onclose = ({ reason }) => {
     if (isOpened) sandbox.lost(reason || undefined);
     else askWhy();
@@ -38,3 +62,6 @@ function open() {
   };
 }
 open();
+window.addEventListener("online", ask);
+document.addEventListener("visibilitychange", () => document.hidden || ask());
+setInterval(() => performance.now() - heard > PATIENCE && ask(), PATIENCE / 3);

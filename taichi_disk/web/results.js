@@ -136,7 +136,8 @@ function markOf(row, colours, axes) {
   const y = clipped(height);
   const style = `left: ${100 * x}%; bottom: ${100 * y}%; ${inks(...colours)}`;
   const title = `${row.result} = ${label(row.value)} at ${label(row.load)}`;
-  const properties = { style, title, className: row.disturbance ? "hollow" : "" };
+  const names = [row.disturbance ? "hollow" : "", row.player ? "small" : ""];
+  const properties = { style, title, className: names.join(" ").trim() };
   if (row.load > axes.last) return element("u", properties, "▸");
   if (row.load < axes.first) return element("u", properties, "◂");
   if (y !== height) return element("u", properties, "▾");

@@ -69,7 +69,7 @@ export class Sandbox {
     const ui = (this.ui = elements(node));
     this.send = (message) => {
       send(message);
-      if (message.do !== "seen")
+      if (message.do !== "seen" && message.do !== "rename")
         this.waiting ??= setTimeout(() => (ui.busy.hidden = false), 400);
     };
     this.drawing = new Drawing(ui.disk);
@@ -98,6 +98,7 @@ export class Sandbox {
     this.showTab(node.clientWidth > 900 ? "graphs" : "experiment");
     new ResizeObserver(() => this.redraw()).observe(node);
     ui.eq5.onchange = ui.class.onchange = () => this.showResults();
+    ui.name.onchange = () => this.send({ do: "rename", text: ui.name.value });
     ui.timeline.oninput = () => this.send({ do: "scrub", t: Number(ui.timeline.value) });
     node.onpointermove = () => this.wake();
     DARK.onchange = () => this.takeTheme();
@@ -246,7 +247,7 @@ export class Sandbox {
     const message = JSON.parse(data);
     const { kind } = message;
     this.answered();
-    if (kind === "hello") this.showKeys((this.hello = message));
+    if (kind === "hello") this.showHello((this.hello = message));
     else if (kind === "session") this.showSession(message);
     else if (kind === "board") this.showBoard(message);
     else if (kind === "scene") this.showScene(message);
@@ -256,7 +257,10 @@ export class Sandbox {
     else if (kind === "film") download(message.page, "disk.html", "text/html");
   }
 
-  showSession({ key, awaitsFilm }) {
+  showSession({ key, disk, name, awaitsFilm }) {
+    this.disk = disk;
+    this.ui.name.value = name;
+    this.ui.name.placeholder = `disk ${disk}`;
     const filmPage = this.ui["film-page"];
     filmPage.disabled = awaitsFilm;
     filmPage.textContent = awaitsFilm ? "The film is made …" : "Film to play with";
@@ -270,7 +274,10 @@ export class Sandbox {
     if (this.panel) this.showResults();
   }
 
-  showKeys({ keys }) {
+  showHello({ keys, address, code }) {
+    this.ui.join.hidden = !code;
+    this.ui.code.src = code;
+    this.ui.address.textContent = address;
     const row = ([key, what]) => [element("dt", {}, key), element("dd", {}, what)];
     this.ui.reference.replaceChildren(...[...keys, ...this.shortcuts].flatMap(row));
   }
@@ -441,7 +448,8 @@ export class Sandbox {
 
   showResults() {
     const { ui, panel, drawing } = this;
-    const results = ui.class.checked ? this.board : panel.results;
+    const others = this.board.filter(({ disk }) => disk !== this.disk);
+    const results = ui.class.checked ? [...others, ...panel.results] : panel.results;
     for (const id of ["copy", "csv"]) ui[id].disabled = !results.length;
     ui.clear.disabled = !panel.results.length;
     showResults(ui.table, results, !ui.class.checked);

@@ -19,9 +19,8 @@ from taichi_disk.window.sandbox import MAX_COMPUTING_TIME
 from taichi_disk.window.session import Common, Session, read_command
 
 MAX_RATE = 60.0  # pictures per second
-MAX_SESSIONS = 40
+MAX_SEATS = 40
 KEEP_TIME = 600.0  # for which a session waits for its page [s]
-FULL = f"{MAX_SESSIONS} people are playing; as soon as one leaves, you can."
 # least time of computing between two pictures [s]
 MIN_COMPUTING_TIME = 0.002
 SWEEP_TIME = 60.0  # after which sessions that nobody wants are forgotten [s]
@@ -32,7 +31,8 @@ Message = str | bytes
 
 
 class Full(Exception):
-    """There is no room for another session; the text is for the user."""
+    """There is no room for another session; the text is for the user, and has less than
+    123 bytes, so that a websocket can close with it."""
 
 
 class Page:
@@ -65,6 +65,10 @@ class Page:
         """Note that the page has drawn the state with this number."""
         self._in_flight = [one for one in self._in_flight if one > number]
 
+    def answer(self) -> None:
+        """Tell the page, which has heard nothing for a while, that it is connected."""
+        self._send(json.dumps({"kind": "alive"}))
+
     def give_film(self, page: str) -> None:
         """Send a film to play with, an HTML page."""
         self._send(json.dumps({"kind": "film", "page": page}))
@@ -73,7 +77,12 @@ class Page:
         """Send what the page does not have yet: messages of its session, the state as
         the last one, and rows of the class's board; return whether there was any."""
         session = self.seat.session
-        own = {"key": self.seat.key, "awaitsFilm": self.film is not None}
+        own = {
+            "key": self.seat.key,
+            "disk": session.disk,
+            "name": session.name,
+            "awaitsFilm": self.film is not None,
+        }
         text = json.dumps({"kind": "session"} | own)
         messages: dict[str, Message] = {"session": text, **session.messages}
         news = {
@@ -130,9 +139,12 @@ class Audience:
         ignored: number of malformed messages.
     """
 
-    def __init__(self, common: Common, keep_time: float = KEEP_TIME) -> None:
+    def __init__(
+        self, common: Common, keep_time: float = KEEP_TIME, max_seats: int = MAX_SEATS
+    ) -> None:
         """`keep_time`: for which a session waits for its page [s]. Raises
         TaichiDiskError if the first scene cannot be built."""
+        self._max_seats = max_seats
         self.seats: dict[str, Seat] = {}
         self.ignored = 0
         self._common = common
@@ -154,7 +166,7 @@ class Audience:
         if key in self.seats:
             return self.seats[key]
         self._drop(perf_counter() - self._keep_time)
-        if len(self.seats) >= MAX_SESSIONS:
+        if len(self.seats) >= self._max_seats:
             self._drop_oldest()
         session = self._first or self._new_session()
         self._first = None
@@ -177,7 +189,10 @@ class Audience:
         Full if all have one."""
         waiting = [seat for seat in self.seats.values() if not seat.pages]
         if not waiting:
-            raise Full(FULL)
+            raise Full(
+                f"All {self._max_seats} disks are in use. As soon as somebody leaves,"
+                " you can play; `view --disks` allows more."
+            )
         del self.seats[min(waiting, key=lambda seat: seat.left).key]
 
     # ---- pages
@@ -214,6 +229,8 @@ class Audience:
             self.ignored += 1
         elif message["do"] == "seen":
             page.acknowledge(message["number"])
+        elif message["do"] == "alive":
+            page.answer()
         elif message["do"] == "film":
             page.film = page.film or asyncio.create_task(self._film_for(page))
         else:
@@ -233,7 +250,9 @@ class Audience:
                 film = await make_film(scene)
             page.give_film(film)
         except Exception as error:
-            session.tell(described(error))
+            # a page that has left cancels its film, which may end in another error
+            if page in page.seat.pages:
+                session.tell(described(error))
         finally:
             page.film = None
             self._wake(page.seat)

@@ -6,19 +6,15 @@
 from __future__ import annotations
 
 import asyncio
-import errno
 import gc
 import logging
-import secrets
 import socket
 import sys
 import webbrowser
-from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from ipaddress import ip_address
 from threading import Thread
-from typing import Any
 from urllib.parse import urlsplit
 
 from websockets.asyncio import server
@@ -27,9 +23,9 @@ from websockets.frames import CloseCode
 from taichi_disk.errors import InputError
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.simulation import KernelCache
-from taichi_disk.window.audience import Audience, Full
+from taichi_disk.window.audience import MAX_SEATS, Audience, Full
 from taichi_disk.window.controls import Preset
-from taichi_disk.window.door import Door, split_origin
+from taichi_disk.window.door import Door, bracketed, new_token, split_origin
 from taichi_disk.window.session import MAX_BYTES, Common
 
 LOCAL_HOST = "127.0.0.1"
@@ -38,9 +34,6 @@ _EVERYWHERE = ("0.0.0.0", "::")  # hosts that stand for all addresses of the mac
 _PROBES = {socket.AF_INET: "192.0.2.1", socket.AF_INET6: "2001:db8::1"}
 _POLL_INTERVAL = 0.1  # time between two checks for a signal [s]
 _CLOSE_TIME = 0.5  # time that pages get for saying goodbye at the end [s]
-# [bytes]; more than a scene and two states: those of 200,000 points have 10 MB
-_WRITE_LIMIT = 2**26
-_NO_FILES_LEFT = (errno.EMFILE, errno.ENFILE)
 
 
 def serve(
@@ -49,28 +42,32 @@ def serve(
     port: int = 0,
     open_browser: bool = False,
     origin: str = "",
+    disks: int = MAX_SEATS,
 ) -> None:
     """Serve the sandbox until Ctrl-C, at a free port if `port` is 0.
 
     Prints the address, with the token that every request needs. `origin`: public
-    address of the page behind a reverse proxy, "" for none. Raises InputError if the
-    server cannot listen there, KeyboardInterrupt after Ctrl-C.
+    address of the page behind a reverse proxy, "" for none. `disks`: most pages that
+    can play. Raises InputError if the server cannot listen there, KeyboardInterrupt
+    after Ctrl-C.
     """
     public, path = split_origin(origin) if origin else ("", "")
     listening = _listen(host, port)
-    audience = Audience(Common(playlist, KernelCache()))
-    # A pass of the garbage collector over all modules would hold up the disks.
-    gc.collect()
-    gc.freeze()
-    token = secrets.token_urlsafe(16)
+    token = new_token()
     bound_port = listening.getsockname()[1]
     roots = [f"http://{name}:{bound_port}" for name in _names(host, listening)]
     if public:
-        roots = [public + path, *roots]
+        roots = [public + path]
     addresses = [f"{root}/{token}/" for root in roots]
+    is_shared = bool(public) or not _is_local(listening)
+    common = Common(playlist, KernelCache(), addresses[0] if is_shared else "")
+    audience = Audience(common, max_seats=disks)
+    # A pass of the garbage collector over all modules would hold up the disks.
+    gc.collect()
+    gc.freeze()
     print("the sandbox is at", "\n               or ".join(addresses))
     print("Ctrl-C ends it", flush=True)
-    if public or not _is_local(listening):
+    if is_shared:
         _print_code(addresses[0])
         print(
             "note: whoever has this address and reaches this machine can play; nothing"
@@ -100,7 +97,7 @@ def _print_code(address: str) -> None:
     except (UnicodeEncodeError, LookupError, TypeError):
         return
     if sys.stdout.isatty():
-        import segno
+        import segno  # an import that few need
 
         segno.make(address, error="l", micro=False).terminal(compact=True)
 
@@ -119,8 +116,7 @@ def _listen(host: str, port: int) -> socket.socket:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
         found.sort(key=lambda one: one[0] != socket.AF_INET)
         family, *_, address = found[0]
-        is_dual = host == "::" and socket.has_dualstack_ipv6()
-        return socket.create_server(address, family=family, dualstack_ipv6=is_dual)
+        return socket.create_server(address, family=family)
     except (OSError, OverflowError, UnicodeError) as error:
         raise InputError(
             f"cannot listen at {host}, port {port}: {error}; choose another --host or"
@@ -130,66 +126,47 @@ def _listen(host: str, port: int) -> socket.socket:
 
 def _is_local(listening: socket.socket) -> bool:
     """Whether only this machine can reach the server."""
-    return ip_address(listening.getsockname()[0].partition("%")[0]).is_loopback
+    return _is_loopback(listening.getsockname()[0])
+
+
+def _is_loopback(address: str) -> bool:
+    return ip_address(address.partition("%")[0]).is_loopback
 
 
 def _names(host: str, listening: socket.socket) -> list[str]:
     """Return the names and addresses of the server, as they stand in a URL."""
     if listening.getsockname()[0] not in _EVERYWHERE:
-        return [_bracketed(host)]
-    families = [socket.AF_INET]
-    if listening.family == socket.AF_INET6:
-        families.append(socket.AF_INET6)
-    own: list[str] = []
-    for family in families:
-        own += _own_addresses(family)
-    return [*map(_bracketed, dict.fromkeys(own)), socket.gethostname()]
+        return [bracketed(host)]
+    own = _own_addresses(listening.family)
+    return [*map(bracketed, own), socket.gethostname()]
 
 
-def _bracketed(address: str) -> str:
-    return f"[{address}]" if ":" in address else address
-
-
-def _own_addresses(family: socket.AddressFamily) -> list[str]:
+def _own_addresses(family: int) -> list[str]:
     """Return the addresses at which others reach this machine: the one it uses for the
     internet, then those of its name."""
-    found = []
+    found: dict[str, None] = {}
     with suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as probe:
-        probe.connect((_PROBES[family], 9))
-        found.append(probe.getsockname()[0])
+        probe.connect((_PROBES[socket.AddressFamily(family)], 9))
+        found[probe.getsockname()[0]] = None
     with suppress(OSError):
         rows = socket.getaddrinfo(socket.gethostname(), None, family)
-        found += [str(address[0]) for *_, address in rows]
-    return [one for one in found if not ip_address(one.partition("%")[0]).is_loopback]
+        found |= dict.fromkeys(str(address[0]) for *_, address in rows)
+    return [one for one in found if not _is_loopback(one)]
 
 
 # ---- serving
 
 
-class _Connection(server.ServerConnection):
-    """A connection that ends if its page leaves more than _WRITE_LIMIT unread, such as
-    answers to pings."""
-
-    def pause_writing(self) -> None:
-        super().pause_writing()
-        # soon: what is being answered now would be written into a closed transport
-        self.loop.call_soon(self.transport.abort)
-
-
 async def run(audience: Audience, door: Door, listening: socket.socket) -> None:
     """Serve until a signal, which raises KeyboardInterrupt, or until an error has ended
     `audience`."""
-    loop = asyncio.get_running_loop()
-    loop.set_exception_handler(_error_handler())
     # what strangers send is not logged
     logger = logging.Logger("page", logging.CRITICAL + 1)
     serving = await server.serve(
         partial(_meet, audience),
         sock=listening,
         process_request=door.answer,
-        create_connection=_Connection,
         max_size=MAX_BYTES,
-        write_limit=_WRITE_LIMIT,
         close_timeout=_CLOSE_TIME,
         compression=None,
         server_header=None,
@@ -203,32 +180,9 @@ async def run(audience: Audience, door: Door, listening: socket.socket) -> None:
         playing.result()
     finally:
         serving.close()
-        # asyncio would try to accept further connections, if there was no room for them
-        loop.set_exception_handler(lambda loop, context: None)
         # Connections that have asked for nothing yet would be waited for.
         closed = asyncio.ensure_future(serving.wait_closed())
         await asyncio.wait([closed], timeout=2.0 * _CLOSE_TIME)
-
-
-def _error_handler() -> Callable[[asyncio.AbstractEventLoop, dict[str, Any]], None]:
-    """Return a handler of the event loop's errors, which says in one line, and once,
-    that there is no room for more connections."""
-    is_noted = False
-
-    def handle(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        nonlocal is_noted
-        error = context.get("exception")
-        if not isinstance(error, OSError) or error.errno not in _NO_FILES_LEFT:
-            loop.default_exception_handler(context)
-        elif not is_noted:
-            is_noted = True
-            print(
-                "note: too many connections for this system's limit of open files;"
-                " further visitors must wait",
-                file=sys.stderr,
-            )
-
-    return handle
 
 
 async def _meet(audience: Audience, connection: server.ServerConnection) -> None:

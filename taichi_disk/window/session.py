@@ -10,8 +10,8 @@ from __future__ import annotations
 import json
 import struct
 from collections.abc import Callable
-from functools import partial
 from typing import Any
+from unicodedata import category, normalize
 
 import numpy as np
 
@@ -46,14 +46,15 @@ MAX_NUMBER = 1e7  # limit of a number in it
 # most commands that wait for the next picture; of some, only the latest counts
 _MAX_PENDING = 64
 # A page's commands and their values, by the part of `Session` that has a method of the
-# same name. Those of the audience tell it that the page has drawn a state, or wants a
-# film.
+# same name. Those of the audience tell it that the page has drawn a state, asks whether
+# the program is there, or wants a film.
 _METHODS = {
     "controls": "press key, play number, set key value, collect",
     "sandbox": "scrub t, turn angle final, aim dx dy, throw, pull x y, release, clear,"
     " remove number",
     "scales": "rescale",
-    "audience": "seen number, film",
+    "session": "rename text",
+    "audience": "seen number, alive, film",
 }
 _COMMANDS = {
     do: (part, values)
@@ -62,6 +63,7 @@ _COMMANDS = {
 }
 # commands of which only the latest counts
 _REPLACED = ("set", "scrub", "turn", "aim", "pull")
+MAX_NAME = 12  # letters of a name
 MAX_BOARD = 2000  # most rows of the class's board
 # points; a larger lattice takes longer to build than a picture may take
 LARGE_LATTICE = 5000
@@ -77,7 +79,9 @@ def read_command(text: Any) -> dict[str, Any] | None:
         content = json.loads(text)
         message = {name: content[name] for name in ("do", *_COMMANDS[content["do"]][1])}
         key = message.get("key")
-        words = ("do", "key", "value") if key in CHOICES else ("do", "key")
+        words = ["do", "key", "text"]
+        if key in CHOICES:
+            words.append("value")
         is_valid = key in (*RANGES, *CHOICES) or message["do"] != "set"
         for name, value in message.items():
             # false for nan
@@ -96,12 +100,16 @@ class Common:
         playlist, first: the scenes, and the one with which a session begins.
         cards: what a page's list shows of each scene.
         kernels, memory: shared by their sandboxes.
+        address: at which others can join, "" if they cannot.
         board: the undisturbed experiments of all sessions, the newest last, each with
-            the number of its session; the first MAX_BOARD of them.
+            number and name of its disk; the first MAX_BOARD of them.
     """
 
-    def __init__(self, playlist: list[Preset], kernels: KernelCache) -> None:
+    def __init__(
+        self, playlist: list[Preset], kernels: KernelCache, address: str = ""
+    ) -> None:
         """Raises TaichiDiskError if a scene of the program's cannot be read."""
+        self.address = address
         self.playlist = playlist
         self.first = playlist[0].load()
         self.cards = [_card(entry) for entry in playlist]
@@ -109,10 +117,21 @@ class Common:
         self.memory = Memory()
         self.board: list[dict[str, Any]] = []
 
-    def report(self, number: int, experiment: Experiment) -> None:
-        """Enter an experiment of the session `number` into the board."""
+    def report(self, disk: int, player: str, experiment: Experiment) -> None:
+        """Enter an experiment with a disk into the board."""
         if len(self.board) < MAX_BOARD:
-            self.board.append({"player": number} | experiment._asdict())
+            row = {"disk": disk, "player": player}
+            self.board.append(row | experiment._asdict())
+
+    @property
+    def invitation(self) -> dict[str, str]:
+        """The address and a picture of its QR code, "" if nobody can join."""
+        code = ""
+        if self.address:
+            import segno  # an import that few need
+
+            code = segno.make(self.address, error="l", micro=False).svg_data_uri()
+        return {"address": self.address, "code": code}
 
 
 class Session:
@@ -125,14 +144,18 @@ class Session:
         messages: the present messages by their kinds: the JSON texts "hello", "scene",
             "graphs", "panel" and "yaml", and the binary "state".
         number: of the last state.
+        disk, name: number of this session, and name that its user has chosen, or "".
     """
 
-    def __init__(self, common: Common, player: int = 1) -> None:
-        """Begin with the first scene of the list; `player`: number of this session.
-        Raises TaichiDiskError if the scene cannot be built."""
+    def __init__(self, common: Common, disk: int = 1) -> None:
+        """Begin with the first scene of the list. Raises TaichiDiskError if the scene
+        cannot be built."""
         self._program = engine.program()
+        self._common = common
+        self.disk = disk
+        self.name = ""
         self.sandbox = Sandbox(
-            common.first, common.kernels, common.memory, partial(common.report, player)
+            common.first, common.kernels, common.memory, self._report
         )
         self.controls = Controls(self.sandbox, common.playlist)
         self.graphs = Graphs(self.sandbox)
@@ -149,6 +172,7 @@ class Session:
             "curves": CURVES,
             "keys": self.controls.reference,
             "repeating": REPEATING_KEYS,
+            **common.invitation,
         }
         self._write("hello", 0, lambda: hello)
         self.advance()
@@ -166,6 +190,15 @@ class Session:
         self._pending.pop(key, None)  # the latest stands at the end
         if len(self._pending) < _MAX_PENDING:
             self._pending[key] = message
+
+    def rename(self, text: str) -> None:
+        """Take a name for the class's board: at most MAX_NAME letters, no digits, so
+        that it cannot be that of another disk."""
+        letters = [one for one in normalize("NFKC", text) if _is_of_name(one)]
+        self.name = "".join(letters)[:MAX_NAME].strip()
+
+    def _report(self, experiment: Experiment) -> None:
+        self._common.report(self.disk, self.name or f"disk {self.disk}", experiment)
 
     def release(self) -> None:
         """Let go of the disk with the next picture, because its page has left."""
@@ -215,8 +248,12 @@ class Session:
         pending = self._pending
         self._pending = {}
         for kind, *values in map(dict.values, pending.values()):
-            part = getattr(self, _COMMANDS[kind][0])
-            self.controls.attempt(getattr(part, kind), *values)
+            self.controls.attempt(self._carry_out, kind, *values)
+
+    def _carry_out(self, kind: str, *values: Any) -> None:
+        name, _ = _COMMANDS[kind]
+        part = self if name == "session" else getattr(self, name)
+        getattr(part, kind)(*values)
 
     def _begin_anew(self, reason: str) -> None:
         """Begin the present scene, with kernels of the present engine."""
@@ -403,6 +440,11 @@ class Session:
                 choice = {"key": key, "name": name, "value": value}
                 choices.append(choice | {"options": values_of(key)})
         return choices
+
+
+def _is_of_name(letter: str) -> bool:
+    """Whether a name may contain it: letters of any script with their marks."""
+    return category(letter)[0] in "LM" or letter in " -'"
 
 
 def _card(entry: Preset) -> dict[str, Any]:

@@ -1,0 +1,192 @@
+"""Who may come to the page: tokens, origins, files."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from urllib.parse import urljoin
+
+import pytest
+from websockets.datastructures import Headers
+from websockets.http11 import Response
+from websockets.server import ServerProtocol
+
+from taichi_disk.errors import InputError
+from taichi_disk.window import door
+from taichi_disk.window.door import Door, new_token, split_origin
+
+WEB = Path(__file__).parents[2] / "taichi_disk" / "web"
+TOKEN = "secret99"
+SOCKET = f"/{TOKEN}/socket"
+HERE = "127.0.0.1:1"
+PUBLIC = "https://example.org"
+
+
+class Request:
+    """What `websockets` knows of a request."""
+
+    def __init__(self, path: str, **headers: str) -> None:
+        self.path = path
+        self.headers = Headers(**headers)
+
+
+class Connection:
+    respond = staticmethod(ServerProtocol().reject)
+
+    def __init__(self, machine: str = "192.0.2.7") -> None:
+        self.remote_address = (machine, 4711)
+
+
+def answered(
+    path: str, a_door: Door | None = None, machine: str = "192.0.2.7", **headers: str
+) -> Response | None:
+    asked = a_door or Door(TOKEN)
+    request = Request(path, **headers)
+    return asked.answer(Connection(machine), request)  # type: ignore[arg-type]
+
+
+def knock(path: str, a_door: Door | None = None, **headers: str) -> int:
+    """The status of the answer; 101 where a websocket is opened."""
+    response = answered(path, a_door, **headers)
+    return response.status_code if response else 101
+
+
+def test_a_token_is_easily_typed_and_hard_to_guess() -> None:
+    tokens = {new_token() for _ in range(1000)}
+    assert len(tokens) == 1000
+    letters = set("".join(tokens))
+    assert all(len(one) == 8 and one == one.lower() for one in tokens)
+    assert not letters & set("01ilo") and len(letters) ** 8 > 0.7 * 2**40
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["/", "//", "/secret9/", "/secret999/", f"//{TOKEN}/", "/ü/", "*", "/secre%7499/"],
+)
+def test_without_the_token_nothing_is_served(path: str) -> None:
+    assert knock(path) == 403
+    page = {"Upgrade": "websocket", "Host": HERE, "Origin": f"http://{HERE}"}
+    assert knock(path, **page) == 403
+
+
+def test_a_token_may_be_typed_in_capitals() -> None:
+    assert knock(f"/{TOKEN.upper()}/") == 200
+
+
+def test_whoever_guesses_must_wait_and_nobody_else(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now = 1000.0
+    monkeypatch.setattr(door, "monotonic", lambda: now)
+    asked = Door(TOKEN)
+    for _ in range(50):  # what a browser asks for by itself is no guess
+        assert knock("/favicon.ico", asked) == 403
+    for k in range(door.MAX_WRONG):
+        assert knock(f"/secret{k:02}/", asked) == 403
+    assert knock("/secret98/", asked) == knock(f"/{TOKEN}/", asked) == 429
+    assert knock(f"/{TOKEN}/", asked, machine="192.0.2.8") == 200
+    now += door.PERIOD + 1.0
+    assert knock(f"/{TOKEN}/", asked) == 200
+    assert knock("/secret98/", asked) == 403
+
+
+@pytest.mark.parametrize(
+    ("path", "origin", "status"),
+    [
+        (SOCKET, f"http://{HERE}", 101),
+        (SOCKET, "http://evil.example", 403),
+        (SOCKET, f"http://{HERE}2", 403),
+        (SOCKET, f"https://{HERE}", 403),
+        (SOCKET, "null", 403),
+        (SOCKET, "", 403),
+        (f"/{TOKEN}/", f"http://{HERE}", 403),
+    ],
+)
+def test_a_websocket_is_for_the_page_s_own_origin(
+    path: str, origin: str, status: int
+) -> None:
+    assert knock(path, Upgrade="websocket", Host=HERE, Origin=origin) == status
+
+
+@pytest.mark.parametrize(
+    ("origin", "status"),
+    [(PUBLIC, 101), (f"http://{HERE}", 403), ("http://example.org", 403)],
+)
+def test_behind_a_proxy_there_is_one_origin(origin: str, status: int) -> None:
+    headers = {"Upgrade": "WebSocket", "Host": HERE, "Origin": origin}
+    assert knock(SOCKET, Door(TOKEN, PUBLIC), **headers) == status
+
+
+@pytest.mark.parametrize("name", ["Host", "Origin", "Upgrade"])
+def test_a_header_that_comes_twice_is_no_error(name: str) -> None:
+    page = {"Upgrade": "websocket", "Host": HERE, "Origin": f"http://{HERE}"}
+    request = Request(SOCKET, **page)
+    request.headers[name] = "evil.example"
+    response = Door(TOKEN).answer(Connection(), request)  # type: ignore[arg-type]
+    if name == "Upgrade":
+        assert response is None
+    else:
+        assert response and response.status_code == 403
+
+
+def test_a_request_for_the_websocket_is_told_why_there_is_none() -> None:
+    response = answered(SOCKET)
+    assert response and response.status_code == 426
+    assert b"Upgrade" in response.body and b"--origin" in response.body
+
+
+def test_the_address_without_its_last_slash_leads_to_the_page_below_any_path() -> None:
+    response = answered(f"/{TOKEN}")
+    assert response and response.status_code == 307
+    public = f"https://example.org/disk/{TOKEN}"
+    assert urljoin(public, response.headers["Location"]) == f"{public}/"
+
+
+def test_the_page_s_own_files_are_served_and_no_others() -> None:
+    response = answered(f"/{TOKEN}/")
+    assert response and response.status_code == 200
+    index = (WEB / "index.html").read_bytes()
+    assert response.body == index
+    assert response.headers["Content-Type"] == "text/html; charset=utf-8"
+    linked = re.findall(r'(?:src=|href=)"([\w.]+)"', index.decode())
+    assert "style.css" in linked
+    for name in {*linked, *(one.name for one in WEB.glob("*.js"))}:
+        assert knock(f"/{TOKEN}/{name}") == 200
+    others = ("drawing.py", "../cli.py", "%2e%2e/cli.py", "9" * 4000, "./page.js")
+    for name in others:
+        assert knock(f"/{TOKEN}/{name}") == 404
+
+
+@pytest.mark.parametrize(
+    ("address", "origin"),
+    [
+        ("https://A.org/disk/", ("https://a.org", "/disk")),
+        ("https://example.org:443", (PUBLIC, "")),
+        ("HTTP://Example.org:80/", ("http://example.org", "")),
+        ("https://example.org:80", (f"{PUBLIC}:80", "")),
+        ("http://[2001:DB8::1]:8000/a", ("http://[2001:db8::1]:8000", "/a")),
+    ],
+)
+def test_an_origin_is_written_as_browsers_send_it(
+    address: str, origin: tuple[str, str]
+) -> None:
+    assert split_origin(address) == origin
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "example.org",
+        "ftp://a",
+        "http://",
+        "http://a?b",
+        "http://a#b",
+        "http://[::1",
+        "http://a:99999",
+        "https://me:word@example.org",
+        "https://bücher.example",
+    ],
+)
+def test_an_origin_that_no_browser_sends_is_refused(address: str) -> None:
+    with pytest.raises(InputError, match="--origin"):
+        split_origin(address)
