@@ -155,13 +155,15 @@ def _sweep(arguments: argparse.Namespace) -> int:
 
     from taichi_disk.sweep.sweep import print_sweep, run_sweep
 
-    options = _options(arguments, "jobs", "scheduler", "part", "estimate")
+    options = _options(arguments, "jobs", "part", "estimate")
+    options["executor"] = arguments.scheduler
     with terminal(sys.stderr) as progress:
-        result = run_sweep(
-            sweep, _out(arguments), progress=progress, say=NOTICES.info, **options
-        )
+        result = run_sweep(sweep, _out(arguments), progress=progress, **options)
     print_sweep(result)
-    return int(bool(result.failed))
+    error = result.summary.get("figure_error")
+    if error:
+        _print_error(f"error: {error}")
+    return int(bool(result.failed or error))
 
 
 def _view(arguments: argparse.Namespace) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from taichi_disk.figures.curves import CURVE_KEYS, FITS
+from taichi_disk.figures.curves import CURVE_KEYS, LAWS
 
 
 def curve_rows(
@@ -21,7 +21,7 @@ def curve_rows(
         keys.append(_counted(curve["lattices"]))
         laws = []
         for name, fit in curve["fits"].items():
-            laws.append((FITS[name].title, _fit_text(fit)))
+            laws.append((LAWS[name].title, _fit_text(fit)))
         yield ", ".join(keys), laws
 
 
@@ -52,7 +52,7 @@ def _fit_text(fit: dict[str, Any]) -> str:
         parts.append(part)
     if not fit["holds"]:
         parts.append(
-            f"rms {fit['rms_residual']:.2g}, {fit['rms_over_scatter']:.1f} times the"
-            " scatter: the law does not hold here"
+            f"rms {fit['rms_residual']:.2g}, chi square {fit['chi_square']:.3g} for 1:"
+            " the law does not hold here"
         )
     return "   ".join(parts)

@@ -6,9 +6,9 @@ and nu are the two-dimensional (plane stress) moduli of the lattice. Equation nu
 are those of Kuninaka and Hayakawa's paper, whose E_* = E/(1 - nu^2) holds for plane
 strain; for plane stress pass E as `e_star`.
 
-The results of one lattice at several speeds or pressures are not independent, and the
-scatter of lattices is larger than the error of a result. The confidence intervals of a
-fit are therefore found by resampling whole lattices (bootstrap; Efron 1979).
+A fit weights each point by its standard error over lattices. The results of one lattice
+at several speeds or pressures are not independent, so the confidence intervals are
+found by leaving out one lattice after the other (jackknife; Tukey 1958).
 """
 
 from __future__ import annotations
@@ -18,17 +18,15 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.polynomial.chebyshev import chebfit, chebval
 from numpy.typing import ArrayLike
 
+from taichi_disk.api.lattices import half_width_95
 from taichi_disk.lattice import Array
 from taichi_disk.scenes.compression import paper_compression
 
-# maps parameters (k, p) of k data sets to values (k, points)
-Prediction = Callable[[Array], Array]
-RESAMPLES = 1000
-LEVEL = 0.95
-MAX_MISFIT = 3.0  # of a law that holds: residuals divided by the scatter of lattices
+Prediction = Callable[[Array], Array]  # maps tau0 (k,) to e (k, velocities)
+# how rarely a chi square as large as that of a law that holds is due to chance
+SIGNIFICANCE = 0.01
 MAX_TAU0 = 2.0  # largest tau0 at e_star = 1 [R/c]
 # relative tolerance of the integration of eq. (4); the error of e is 2e-10
 IMPACT_TOLERANCE = 1e-9
@@ -52,114 +50,113 @@ class Fit:
     # 95 % confidence intervals over lattices; empty for a single lattice
     intervals: dict[str, tuple[float, float]]
     residuals: Array  # (points,) mean over lattices minus the fit
-    # standard deviation over lattices, root mean square over points; NaN for a single
-    # lattice
-    scatter: float
+    errors: Array  # (points,) standard errors over lattices; NaN for a single lattice
+    # degrees of freedom: points minus parameters, and lattices minus 1
+    freedom: tuple[int, int]
 
     @property
     def rms(self) -> float:
         return float(np.sqrt(np.mean(self.residuals**2)))
 
     @property
-    def misfit(self) -> float:
-        """`rms` divided by the scatter of the lattices; NaN if there is no scatter."""
-        if self.scatter > 0.0:
-            return self.rms / self.scatter
-        return np.nan
+    def chi_square(self) -> float:
+        """Chi square per degree of freedom; NaN if it cannot be known."""
+        if self.freedom[0] < 1 or not _are_known(self.errors):
+            return np.nan
+        squares = (self.residuals / self.errors) ** 2
+        return float(squares.sum()) / self.freedom[0]
 
     @property
     def holds(self) -> bool:
-        """Whether the law agrees with the lattices, as far as their scatter tells."""
-        return not self.misfit > MAX_MISFIT
+        """Whether the law agrees with the lattices, as far as their errors tell."""
+        from scipy.special import fdtrc
+
+        # Errors from a few lattices are uncertain, which the F distribution knows.
+        by_chance = fdtrc(*self.freedom, self.chi_square)
+        return not by_chance < SIGNIFICANCE
 
 
 def fit_b(pressure: Array, xi: Array, young: float, poisson: float) -> Fit:
-    """Fit b of eq. (2) to `xi` (lattices, pressures) [R] by relative least squares.
+    """Fit b of eq. (2) to `xi` (lattices, pressures) [R].
 
     `young`: E [M c^2/R^2]. The `values` of the fit also contain the smallest, median
     and largest b of fits to single lattices.
     """
+    scale = _scale(xi, xi.mean(0))
 
-    def law(b: float | Array) -> Array:
-        return paper_compression(pressure, young, poisson, b)
+    def law(b: float) -> Array:
+        return paper_compression(pressure, young, poisson, max(b, 1e-6))
 
-    def solve(weights: Array) -> Array:
-        """Return b (k, 1) for each of k weighted means; `weights` (k, lattices)."""
-        means = weights @ xi
-
-        # Fitting law/mean to 1 makes the residuals relative.
-        def relative_law(b: Array) -> Array:
-            return law(np.maximum(b, 1e-6)) / means
-
-        start = np.ones((len(means), 1))
-        b = least_squares(relative_law, np.ones_like(means), start)
-        return np.maximum(b, 0.0)
+    def solve(mean: Array) -> list[float]:
+        (b,) = least_squares(law, mean, scale, [1.0])
+        return [max(b, 0.0)]
 
     fit = _fit(("b",), solve, law, xi)
-    of_lattices = solve(np.eye(len(xi)))
+    of_lattices = [solve(one)[0] for one in xi]
     scatter = {
-        "b_min": float(of_lattices.min()),
+        "b_min": min(of_lattices),
         "b_median": float(np.median(of_lattices)),
-        "b_max": float(of_lattices.max()),
+        "b_max": max(of_lattices),
     }
     return replace(fit, values=fit.values | scatter)
 
 
-def fit_restitution(velocity: Array, e: Array, d1_is_1: bool = False) -> Fit:
+def fit_restitution(velocity: Array, e: Array) -> Fit:
     """Fit d1 and d2 of eq. (5) to e (lattices, velocities); `velocity` [c], where c is
     the paper's."""
+    s = 1.0 / np.sqrt(np.log(4.0 / velocity))
+    scale = _scale(e, np.ones(len(s)))
+
     # Eq. (5) squared is a line: e^2 = A - B s with A = d1^2 and B = d1^2 d2. The line
     # that fits e^2 is the start of the fit to e.
-    s = 1.0 / np.sqrt(np.log(4.0 / velocity))
-
-    def root(A: float | Array, B: Array) -> Array:
+    def root(A: float, B: float) -> Array:
         return np.asarray(np.sqrt(np.maximum(A - B * s, 0.0)))
 
-    def solve(weights: Array) -> Array:
-        means = weights @ e
-        slope, level = np.polyfit(s, (means**2).T, 1)
-        start = np.stack([level, -slope], axis=1)
-        A_and_B = least_squares(lambda p: root(p[:, :1], p[:, 1:]), means, start)
-        A, B = A_and_B.T
-        d1 = np.sqrt(np.where(A > 0.0, A, np.nan))
-        return np.stack([d1, B / A], axis=1)
-
-    def solve_d2(weights: Array) -> Array:
-        means = weights @ e
-        start = (1.0 - means**2) @ s / (s @ s)
-        d2 = least_squares(lambda B: root(1.0, B), means, start[:, None])
-        return np.concatenate([np.ones_like(d2), d2], axis=1)
+    def solve(mean: Array) -> list[float]:
+        slope, level = np.polyfit(s, mean**2, 1)
+        A, B = least_squares(root, mean, scale, [level, -slope])
+        if A <= 0.0:
+            return [np.nan, B / A]
+        return [A**0.5, B / A]
 
     def law(d1: float, d2: float) -> Array:
         return paper_restitution(velocity, d1, d2)
 
-    if not d1_is_1:
-        return _fit(("d1", "d2"), solve, law, e)
-    fit = _fit(("d1", "d2"), solve_d2, law, e)
-    intervals = {name: fit.intervals[name] for name in fit.intervals if name != "d1"}
-    return replace(fit, intervals=intervals)
+    return _fit(("d1", "d2"), solve, law, e)
+
+
+def fit_d2(velocity: Array, e: Array) -> Fit:
+    """Fit d2 of eq. (5) with d1 = 1, as `fit_restitution`."""
+    scale = _scale(e, np.ones(len(velocity)))
+
+    def law(d2: float) -> Array:
+        return paper_restitution(velocity, 1.0, d2)
+
+    def solve(mean: Array) -> list[float]:
+        # of the line that fits e^2
+        s = 1.0 / np.sqrt(np.log(4.0 / velocity))
+        start = float((1.0 - mean**2) @ s / (s @ s))
+        return least_squares(law, mean, scale, [start])
+
+    fit = _fit(("d2",), solve, law, e)
+    return replace(fit, values={"d1": 1.0, **fit.values})
 
 
 def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
     """Fit tau0 [R/c] of eq. (4) to e (lattices, velocities); `velocity` [c], `e_star`
     [M c^2/R^2]."""
     predict = quasistatic_curves(tuple(velocity.tolist()), e_star)
-    unit = e_star**-0.5
-    grid = np.geomspace(1e-3, MAX_TAU0, 48, dtype=np.float64)  # in this unit
-    on_grid = predict(unit * grid)
-
-    def in_units(tau0: Array) -> Array:
-        return predict(unit * tau0[:, 0])
-
-    def solve(weights: Array) -> Array:
-        means = weights @ e
-        squares = (on_grid[None] - means[:, None]) ** 2
-        nearest = squares.sum(axis=2).argmin(axis=1)
-        start = grid[nearest][:, None]
-        return unit * least_squares(in_units, means, start)
+    grid = e_star**-0.5 * np.geomspace(1e-3, MAX_TAU0, 48, dtype=np.float64)
+    on_grid = predict(grid)
+    scale = _scale(e, np.ones(len(velocity)))
 
     def law(tau0: float) -> Array:
         return predict(np.array([tau0]))[0]
+
+    def solve(mean: Array) -> list[float]:
+        squares = ((on_grid - mean) / scale) ** 2
+        nearest = grid[squares.sum(axis=1).argmin()]
+        return least_squares(law, mean, scale, [nearest])
 
     return _fit(("tau0",), solve, law, e)
 
@@ -167,20 +164,18 @@ def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
 @lru_cache(maxsize=4)  # shared by all curves of a figure
 def quasistatic_curves(velocity: tuple[float, ...], e_star: float) -> Prediction:
     """Return a function that maps tau0 (k,) [R/c] to e (k, velocities) of eq. (4)."""
-    # It is a polynomial in ln(1 + 5 tau0) through 11 Chebyshev points, accurate to
-    # 5e-7. Speeds and times are scaled by sqrt(e_star) and its inverse, so that it is
-    # computed at e_star = 1.
+    # It is a spline through a table, accurate to 5e-7. Speeds and times are scaled by
+    # sqrt(e_star) and its inverse, so that it is computed at e_star = 1.
+    from scipy.interpolate import CubicSpline
+
     unit = e_star**-0.5
-    top = np.log1p(5.0 * MAX_TAU0)
-    nodes = -np.cos(np.linspace(0.0, np.pi, 11))
-    tau0_of_nodes = np.expm1(0.5 * top * (1.0 + nodes)) / 5.0
-    e_of_nodes = _restitutions(unit * np.array(velocity), tau0_of_nodes[:, None])
-    series = chebfit(nodes, e_of_nodes, 10)
+    places = np.linspace(0.0, np.log1p(5.0 * MAX_TAU0), 48)
+    table = _restitutions(unit * np.array(velocity), np.expm1(places)[:, None] / 5.0)
+    spline = CubicSpline(places, table)
 
     def predict(tau0: Array) -> Array:
         scaled = np.clip(tau0 / unit, 0.0, MAX_TAU0)
-        argument = 2.0 * np.log1p(5.0 * scaled) / top - 1.0  # from -1 to 1
-        return chebval(argument, series).T
+        return np.asarray(spline(np.log1p(5.0 * scaled)))
 
     return predict
 
@@ -227,76 +222,86 @@ def fit_curvature(x: Array, y: Array) -> Fit:
     """Fit parabolas to the lower and the upper half of y (lattices, points) over x;
     return their second derivatives."""
     # Negative values are concave, the paper's "convex upwards".
-    middle = len(x) // 2
-    top = x.max()
-    halves = (slice(0, middle), slice(middle, None))
-    powers = [np.vander(x[half] / top, 3) for half in halves]
-    inverses = [np.linalg.pinv(matrix) for matrix in powers]
-    mean = y.mean(0)
-    parabolas = []
-    for half, matrix, inverse in zip(halves, powers, inverses, strict=True):
-        parabolas.append(matrix @ (inverse @ mean[half]))
+    halves = np.split(np.arange(len(x)), [len(x) // 2])
 
-    def solve(weights: Array) -> Array:
-        means = weights @ y
-        leading = []
-        for half, inverse in zip(halves, inverses, strict=True):
-            leading.append(means[:, half] @ inverse[0])
-        return np.stack(leading, axis=1) * 2.0 / top**2
+    def parabolas(mean: Array) -> list[Array]:
+        return [np.polyfit(x[half], mean[half], 2) for half in halves]
 
     def law(*_curvatures: float) -> Array:
-        return np.concatenate(parabolas)
+        pairs = zip(parabolas(y.mean(0)), halves, strict=True)
+        return np.concatenate([np.polyval(powers, x[half]) for powers, half in pairs])
 
-    return _fit(("slow_half", "fast_half"), solve, law, y)
+    def solve(mean: Array) -> list[float]:
+        return [2.0 * float(powers[0]) for powers in parabolas(mean)]
+
+    fit = _fit(("slow_half", "fast_half"), solve, law, y)
+    # no law of physics, so that it need not hold
+    return replace(fit, freedom=(0, 0))
 
 
-def least_squares(model: Prediction, data: Array, start: Array) -> Array:
-    """Fit parameters (k, p) to k data sets (k, points) by the Gauss-Newton method, from
-    `start` (k, p)."""
-    x: Array = np.array(start, float)
-    for _ in range(12):
-        steps = 1e-6 * np.maximum(np.abs(x), 1e-3)
-        slopes = []
-        for j, unit in enumerate(np.eye(x.shape[1])):
-            change = model(x + steps * unit) - model(x - steps * unit)
-            slopes.append(change / (2.0 * steps[:, j, None]))
-        J = np.stack(slopes, axis=1)  # (k, p, points)
-        residuals = data - model(x)
-        gradient = J @ residuals[:, :, None]
-        # ten times faster than pinv(J)
-        inverse = np.linalg.pinv(J @ J.swapaxes(1, 2), hermitian=True)
-        x += (inverse @ gradient)[:, :, 0]
-    return x
+def least_squares(
+    law: Callable[..., Array], data: Array, scale: Array, start: list[float]
+) -> list[float]:
+    """Return the parameters of a law for which its differences from `data`, divided by
+    `scale`, are smallest; the search begins at `start`."""
+    from scipy import optimize
+
+    def residuals(parameters: Array) -> Array:
+        return (law(*parameters) - data) / scale
+
+    tolerances = {"xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12}
+    found = optimize.least_squares(residuals, start, x_scale="jac", **tolerances)
+    parameters: list[float] = found.x.tolist()
+    return parameters
+
+
+def _scale(y: Array, otherwise: Array) -> Array:
+    """Return the errors of y (lattices, points) by which a fit is weighted."""
+    errors = standard_errors(y)
+    if _are_known(errors):
+        return errors
+    return otherwise
+
+
+def standard_errors(y: Array) -> Array:
+    """Return the standard errors (points,) of means over y (lattices, points); NaN for
+    a single lattice."""
+    if len(y) == 1:
+        return np.full(y.shape[1], np.nan)
+    return np.asarray(y.std(0, ddof=1) / len(y) ** 0.5)
+
+
+def _are_known(errors: Array) -> bool:
+    """Return whether there are several lattices, which differ at each point."""
+    return bool((errors > 0.0).all())
 
 
 def _fit(
     names: tuple[str, ...],
-    solve: Callable[[Array], Array],
+    solve: Callable[[Array], list[float]],
     law: Callable[..., Array],
     y: Array,
 ) -> Fit:
-    """Return the fit of a law to y (lattices, points), with bootstrap intervals from
-    reproducible resamples.
+    """Return the fit of a law to the mean of y (lattices, points), with intervals of
+    the jackknife.
 
-    `solve` maps weights (k, lattices) of k means over lattices to parameters (k,
-    names), and `law` maps parameters to values (points,).
+    `solve` maps a mean (points,) to parameters, and `law` parameters to values
+    (points,).
     """
-    lattices = len(y)
-    equal = np.full(lattices, 1.0 / lattices)
-    best = solve(equal[None])[0].tolist()
+    n = len(y)
+    mean = y.mean(0)
+    best = solve(mean)
     intervals = {}
-    scatter = np.nan
-    if lattices > 1:
-        counts = np.random.default_rng(0).multinomial(lattices, equal, RESAMPLES)
-        resampled = solve(counts / lattices)
-        tail = 0.5 - LEVEL / 2
-        bounds = np.nanquantile(resampled, [tail, 0.5 + LEVEL / 2], axis=0)
-        for name, (low, high) in zip(names, bounds.T.tolist(), strict=True):
-            intervals[name] = (low, high)
-        scatter = float(np.sqrt(np.mean(y.var(0, ddof=1))))
+    if n > 1:
+        without_one = np.array([solve((n * mean - one) / (n - 1)) for one in y])
+        errors = np.sqrt(n - 1) * without_one.std(axis=0)
+        for name, value, error in zip(names, best, errors.tolist(), strict=True):
+            reach = half_width_95(error, n)
+            intervals[name] = (value - reach, value + reach)
     return Fit(
         values=dict(zip(names, best, strict=True)),
         intervals=intervals,
-        residuals=y.mean(0) - law(*best),
-        scatter=scatter,
+        residuals=mean - law(*best),
+        errors=standard_errors(y),
+        freedom=(len(mean) - len(names), n - 1),
     )

@@ -1,18 +1,25 @@
-"""Compute the points of a sweep in this process, a pool of processes, or a
-`concurrent.futures.Executor`."""
+"""Compute the points of a sweep: here, by processes of this machine, or by an executor
+of somebody else."""
 
 from __future__ import annotations
 
 import pickle
 import re
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
-from contextlib import suppress
+from contextlib import ExitStack, contextmanager, suppress
 from itertools import groupby, islice
 from queue import Empty, SimpleQueue
+from typing import Any
 
 from taichi_disk import runtime
-from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
+from taichi_disk.errors import (
+    NOTICES,
+    InputError,
+    SimulationError,
+    TaichiDiskError,
+    install_extra,
+)
 from taichi_disk.machine import can_start_python, cores
 from taichi_disk.processes.pool import Pool
 from taichi_disk.scenes import Scene
@@ -20,9 +27,11 @@ from taichi_disk.scenes.setup import lattice_key
 from taichi_disk.signals import POLL_INTERVAL, raise_if_interrupted
 from taichi_disk.sweep.work import (
     PointResult,
-    Task,
+    check_versions,
     compute_points,
+    compute_task,
     relevant_versions,
+    start_worker,
 )
 
 Scenes = dict[str, Scene]  # scenes by the key of their point
@@ -32,6 +41,7 @@ Finished = Future[list[PointResult]]
 # figure 3 then has 96 tasks of 0.25 s; setting up the lattice takes a tenth of that
 SCENES_PER_TASK = 6
 LARGE_LATTICE = 2000  # a scene with more points is a task by itself
+CONNECT_TIMEOUT = 8.0  # how long a Dask scheduler may take to answer [s]
 
 
 def ordered(scenes: Scenes) -> Scenes:
@@ -63,45 +73,113 @@ def tasks_of(scenes: Scenes) -> list[list[str]]:
     for _, group in groupby(scenes, lambda key: lattice_key(scenes[key])):
         keys = list(group)
         size = SCENES_PER_TASK
-        if scenes[keys[0]].lattice.points > LARGE_LATTICE:
+        if _is_large(scenes[keys[0]]):
             size = 1
         for first in range(0, len(keys), size):
             tasks.append(keys[first : first + size])
     return tasks
 
 
-def computed(
-    scenes: Scenes, estimate: bool, jobs: int | None, executor: Executor | None
-) -> Results:
-    """Yield (key, result) of `ordered` scenes as they finish, computed by an executor
-    or `jobs` processes.
+def _is_large(scene: Scene) -> bool:
+    return scene.lattice.points > LARGE_LATTICE
+
+
+def executor_for(
+    asked: Any, scenes: Scenes, jobs: int | None, stack: ExitStack
+) -> Executor | None:
+    """Return the executor that computes `scenes`, or None if this process does it
+    alone. `stack` closes what is opened here.
+
+    asked: an executor, a client of Dask, the address of a Dask scheduler, or None for
+        `jobs` processes of this machine.
+    """
+    if isinstance(asked, str):
+        asked = stack.enter_context(_client(asked))
+    if hasattr(asked, "get_executor"):
+        _check_workers(asked)
+        return asked.get_executor()
+    if asked is not None:
+        if not isinstance(asked, Executor):
+            raise InputError(
+                "executor: must be an executor of concurrent.futures, a client of Dask"
+                f" or the address of its scheduler, not {asked!r:.60}"
+            )
+        return asked
+    processes = min(jobs or cores(), len(tasks_of(scenes)))
+    if processes < 2 or not can_start_python():
+        return None
+    return stack.enter_context(Pool(processes - _computes_here(scenes)))
+
+
+def _computes_here(scenes: Scenes) -> bool:
+    """Return whether this process computes beside its pool: only short tasks, because
+    it stores nothing meanwhile."""
+    return not any(map(_is_large, scenes.values()))
+
+
+@contextmanager
+def _client(address: str) -> Iterator[Any]:
+    """Open a client of the Dask scheduler at `address`. Raises InputError if none
+    answers."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError(
+            f"Dask needs the package distributed: {install_extra('cluster')}"
+        ) from None
+    NOTICES.info(f"waiting for the Dask scheduler at {address}")
+    try:
+        client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
+    except Exception as error:  # a server of another kind may answer anything
+        raise InputError(
+            f"no Dask scheduler answers at {address} ({error!r:.100}); start one with"
+            " `dask scheduler`"
+        ) from None
+    with client:
+        yield client
+
+
+def _check_workers(client: Any) -> None:
+    """Raise InputError if a worker of Dask has other versions, or lacks this package:
+    it would close itself without a word."""
+    try:
+        installed = client.run(relevant_versions)
+    except Exception as error:
+        raise InputError(
+            f"a worker cannot import this package ({error}): install the same packages"
+            " everywhere"
+        ) from None
+    for worker, versions in installed.items():
+        check_versions(worker, versions, relevant_versions())
+    NOTICES.info(
+        f"{len(installed)} Dask workers, each of which computes one scene at a time;"
+        " while there are none, the sweep waits"
+    )
+
+
+def computed(scenes: Scenes, estimate: bool, executor: Executor | None) -> Results:
+    """Yield (key, result) of `ordered` scenes as they finish.
 
     Raises InputError if workers have other versions, SimulationError if workers fail.
     """
-    tasks = tasks_of(scenes)
-    processes = min(jobs or cores(), len(tasks))
-    if executor is None and (processes < 2 or not can_start_python()):
+    if executor is None:
         runtime.start()
-        yield from zip(scenes, compute_points(scenes.values(), estimate), strict=True)
+        yield from _here(scenes, list(scenes), estimate)
         return
     try:
-        if executor is not None:
-            yield from _carried_out(executor, tasks, scenes, estimate)
-            return
-        with Pool(processes) as pool:
-            yield from _carried_out(pool, tasks, scenes, estimate)
+        yield from _carried_out(executor, scenes, estimate)
     except TaichiDiskError:
         raise
-    except ModuleNotFoundError as error:
-        package = str(error.name).partition(".")[0]
-        raise InputError(
-            f"a worker cannot import {package}: install the same packages everywhere"
-        ) from None
     except Exception as error:
         raise SimulationError(
             f"the workers failed ({_cause(error)}); finished points are kept: repeat"
             " the command to go on"
         ) from error
+
+
+def _here(scenes: Scenes, keys: list[str], estimate: bool) -> Results:
+    results = compute_points([scenes[key] for key in keys], estimate)
+    yield from zip(keys, results, strict=True)
 
 
 def _cause(error: Exception) -> str:
@@ -112,25 +190,30 @@ def _cause(error: Exception) -> str:
     return f"{type(error).__name__}: {error}"
 
 
-def _carried_out(
-    executor: Executor, tasks: list[list[str]], scenes: Scenes, estimate: bool
-) -> Results:
+def _carried_out(executor: Executor, scenes: Scenes, estimate: bool) -> Results:
     """Yield (key, result) of the scenes of all tasks."""
     versions = relevant_versions()
     finished = SimpleQueue[Finished]()
     futures: dict[Finished, list[str]] = {}
     try:
-        for keys in tasks:
+        for keys in tasks_of(scenes):
+            # pickled here, because a worker of other versions could not unpickle them
             packed = pickle.dumps([scenes[key] for key in keys])
-            task = Task(versions=versions, scenes=packed, estimate=estimate)
-            future = executor.submit(pickle.loads, pickle.dumps(task))
+            future = executor.submit(compute_task, versions, packed, estimate)
             futures[future] = keys
             future.add_done_callback(finished.put)
-        import taichi_disk.figures.curves  # noqa: F401 (while workers compute)
-
-        for _ in tasks:
+        for_this_process = []
+        if isinstance(executor, Pool) and _computes_here(scenes):
+            start_worker()
+            for_this_process = list(futures)
+        for _ in range(len(futures)):
+            if for_this_process and finished.empty():
+                last = for_this_process.pop()
+                if last.cancel():  # no process has begun it
+                    yield from _here(scenes, futures.pop(last), estimate)
             future = _next(finished)
-            yield from zip(futures[future], future.result(), strict=True)
+            if future in futures:
+                yield from zip(futures[future], future.result(), strict=True)
     finally:
         for future in futures:
             future.cancel()

@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import asdict, dataclass
 from numbers import Integral
@@ -17,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from filelock import FileLock, Timeout
 
 from taichi_disk.config.tree import as_path
-from taichi_disk.errors import InputError
+from taichi_disk.errors import NOTICES, InputError
 from taichi_disk.lattice import file_digest
 from taichi_disk.output.files import (
     prepare_output,
@@ -31,9 +30,8 @@ from taichi_disk.output.files import (
 from taichi_disk.output.run_folder import refuse_run
 from taichi_disk.progress import Progress, reported, silent
 from taichi_disk.scenes import Scene
-from taichi_disk.scenes.sweep_axes import Sweep, target_of, value_of
+from taichi_disk.scenes.sweep_axes import Sweep, value_of
 from taichi_disk.sweep import executors
-from taichi_disk.sweep.cluster import dask_executor
 from taichi_disk.sweep.work import PointResult, relevant_versions
 
 if TYPE_CHECKING:
@@ -62,7 +60,6 @@ DIAGNOSTICS = (
 )
 
 Row = dict[str, Any]
-Say = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -92,7 +89,7 @@ class SweepResult:
         from taichi_disk.output.inline import card
 
         figure = None
-        if self.summary.get("curves"):
+        if len(self.failed) < len(self.rows):
             figure = self.plot()
         rows = []
         for label, laws in curve_rows(self.summary.get("curves", ())):
@@ -105,37 +102,25 @@ class SweepResult:
         """Return a figure of Matplotlib, which may be changed and saved.
 
         Args:
-            x: an axis of the sweep, by default the first one that is not the seed.
+            x: an axis of the sweep, by default speed or pressure, or else the first one
+                that is not the seed.
             y: a result, or another column of numbers, by default the primary result.
-                Points are means over lattices, bars their standard deviation. Without
-                `x` and `y` it is the figure of a sweep over speed or pressure, with its
-                fits.
+                Points are means over lattices, bars their 95 % intervals. Laws are
+                drawn for the primary result over speed or pressure.
 
-        Raises InputError if there is no such figure, axis or column.
+        Raises InputError if there is no such axis or column.
         """
-        from taichi_disk.figures.curves import analyse, curves_figure
-        from taichi_disk.figures.results import result_figure
+        from taichi_disk.figures.curves import analyse
+        from taichi_disk.figures.drawing import figure_to_change
 
-        base = self.sweep.scenes[0]
         axes = self.sweep.axes
-        if x or y:
-            x = x or self._first_axis()
-            y = y or base.results[0]
-            return result_figure(base, axes, self.rows, x, y)
-        curves = analyse(base, axes, self.rows)
-        if not curves:
-            raise InputError(
-                f"there is no figure of {base.scene} over {', '.join(axes)}; name an"
-                " axis: plot(x=...)"
-            )
-        return curves_figure(base, curves)
-
-    def _first_axis(self) -> str:
-        """Return the first axis that is not the seed, if there is one."""
-        for name in self.sweep.axes:
-            if target_of(self.sweep.scenes[0], name) != ("lattice", "seed"):
-                return name
-        return self.sweep.axes[0]
+        if x is not None and x not in axes:
+            raise InputError(f"x: {x} is not swept; there are {', '.join(axes)}")
+        diagram = analyse(self.sweep.scenes[0], axes, self.rows, x, y)
+        if not diagram.curves:
+            columns = ", ".join(self.rows[0])
+            raise InputError(f"y: no row has a number {diagram.y}; there are {columns}")
+        return figure_to_change(diagram)
 
     def dataframe(self) -> DataFrame:
         """Return the rows as a table of pandas. Raises TaichiDiskError if pandas is not
@@ -156,12 +141,10 @@ def run_sweep(
     out: Path | str,
     *,
     jobs: int | None = None,
-    executor: Executor | None = None,
-    scheduler: str | None = None,
+    executor: Any = None,
     part: str | None = None,
     estimate: bool = False,
     progress: Progress | None = None,
-    say: Say = lambda text: None,
 ) -> SweepResult:
     """Compute the points of `sweep` that are missing in `out`, and write points.csv,
     summary.json and the figure.
@@ -173,20 +156,19 @@ def run_sweep(
         sweep: result of `load_sweep`.
         out: output folder.
         jobs: number of processes, by default one per core; 1 computes in this process.
-        executor: a `concurrent.futures.Executor` to use instead, with the same packages
-            installed on its workers.
-        scheduler: address of a Dask scheduler to use instead, tcp://HOST:8786.
+        executor: what computes instead: a `concurrent.futures.Executor`, a client of
+            Dask, or the address of a Dask scheduler, tcp://HOST:8786. Its workers need
+            the same packages.
         part: "K/N" computes the K-th of N parts and writes no table. Parts may run at
             the same time, in the same folder or in several folders whose `points` are
             merged afterwards.
         estimate: whether to estimate the time step's error of each result, which
             doubles the work.
         progress: called as progress("sweep", done, total) with numbers of scenes.
-        say: receives notices for the user, such as the number of scenes.
 
     Raises:
-        InputError: `out` cannot be written or holds something else; a file of a point
-            was changed; no scheduler answers; or workers have other versions.
+        InputError: `out` cannot be written or holds something else; a point cannot be
+            read; no scheduler answers; or workers have other versions.
         SimulationError: the workers failed. Finished points are kept.
     """
     started = perf_counter()
@@ -206,19 +188,17 @@ def run_sweep(
     results = _stored(out, scenes, estimate)
     missing = {key: scenes[key] for key in scenes if key not in results}
     stored = len(results)
-    say(f"{counted}, {stored} of them computed before")
-    _say_note(scenes, say)
+    NOTICES.info(f"{counted}, {stored} of them computed before")
+    _say_note(scenes)
     with ExitStack() as stack:
-        if missing and scheduler is not None:
-            executor = stack.enter_context(dask_executor(scheduler, say))
+        if missing:
+            executor = executors.executor_for(executor, missing, jobs, stack)
         prepare_output(out / "points")
         if part is None:
             stack.enter_context(_only_writer(out))
-            _begin_table(out, sweep, say)
-        for key in results:
-            _write_scene(out, key, scenes[key])
+            _begin_table(out, sweep)
         progress("sweep", stored, len(scenes))
-        computed = executors.computed(missing, estimate, jobs, executor)
+        computed = executors.computed(missing, estimate, executor)
         with closing(computed):
             for key, result in computed:
                 _write_point(out, key, missing[key], result)
@@ -233,12 +213,12 @@ def run_sweep(
         return SweepResult(rows, summary, out, sweep)
 
 
-def _say_note(scenes: executors.Scenes, say: Say) -> None:
+def _say_note(scenes: executors.Scenes) -> None:
     """Pass on the first note about a scene, such as how viscous its body is."""
     for scene in scenes.values():
         if scene.lattice.file == "none":
             for note in scene.notes(scene.lattice.points):
-                say(note)
+                NOTICES.info(note)
                 return
 
 
@@ -255,12 +235,14 @@ def _check_folder(out: Path) -> None:
             )
 
 
-def _begin_table(out: Path, sweep: Sweep, say: Say) -> None:
+def _begin_table(out: Path, sweep: Sweep) -> None:
     """Write scene.yaml, and remove the table and figure of another sweep."""
     file = out / "scene.yaml"
     text = sweep.to_yaml()
     if file.exists() and file.read_text(encoding="utf-8", errors="replace") != text:
-        say(f"{out} held another sweep: its points are kept, its table is replaced")
+        NOTICES.info(
+            f"{out} held another sweep: its points are kept, its table is replaced"
+        )
         for name in FILES:
             remove(out / name)
     write_text(file, text)
@@ -313,14 +295,18 @@ def _write_table(
     out: Path, sweep: Sweep, rows: list[Row], summary: dict[str, Any], started: float
 ) -> None:
     """Write points.csv, the figure, and summary.json with the fits, which are added to
-    `summary`."""
-    from taichi_disk.figures.curves import analyse, draw
+    `summary`. A failure of the figure becomes its `figure_error`."""
+    from taichi_disk.figures.curves import analyse
+    from taichi_disk.figures.drawing import draw
 
     write_csv(out / "points.csv", [_as_yaml(row) for row in rows])
-    curves = analyse(sweep.scenes[0], sweep.axes, rows)
-    if curves:
-        draw(sweep.scenes[0], curves, out)
-    summary["curves"] = [curve.summary() for curve in curves]
+    diagram = analyse(sweep.scenes[0], sweep.axes, rows)
+    summary["curves"] = [curve.summary() for curve in diagram.curves]
+    if diagram.curves:
+        try:
+            draw(diagram, out)
+        except Exception as error:
+            summary["figure_error"] = f"no figure: {error}"
     summary["wall_clock"] = perf_counter() - started
     summary["versions"] = versions()
     write_summary(out / "summary.json", summary)
@@ -406,7 +392,7 @@ def _print_failures(result: SweepResult) -> None:
 
 
 # ---- the folder `points`: KEY.yaml, the resolved scene of a point, and KEY.json, its
-# result with a digest
+# result
 
 
 def point_key(scene: Scene) -> str:
@@ -418,12 +404,9 @@ def point_key(scene: Scene) -> str:
     sections = asdict(scene)
     del sections["video"]
     files = [file_digest(scene.lattice.file), file_digest(scene.lattice.velocities)]
-    return _digest([relevant_versions(), sections, files])[:20]
-
-
-def _digest(value: Any) -> str:
-    text = json.dumps(value, sort_keys=True, allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()
+    contents = [relevant_versions(), sections, files]
+    text = json.dumps(contents, sort_keys=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()[:20]
 
 
 def _stored(
@@ -433,26 +416,19 @@ def _stored(
     `estimate`."""
     results = {}
     for key in scenes:
-        result = _read_point(out, key)
-        if result is not None and (result.estimated or not estimate):
-            results[key] = result
+        path = out / "points" / f"{key}.json"
+        if path.is_file():
+            result = _read_point(path)
+            if result.estimated or not estimate:
+                results[key] = result
     return results
 
 
-def _read_point(out: Path, key: str) -> PointResult | None:
-    """Return the result of a point, or None if there is none. Raises InputError if the
-    file holds anything else than what `_write_point` has written."""
-    path = out / "points" / f"{key}.json"
+def _read_point(path: Path) -> PointResult:
     try:
         record = json.loads(path.read_bytes())
-        if record.pop("digest") != _digest(record):
-            raise ValueError("it was changed")
-        if record.pop("key") != key:  # a copy of another point
-            return None
         return PointResult(**record)
-    except (FileNotFoundError, NotADirectoryError):
-        return None
-    except Exception as error:  # the file may hold anything
+    except Exception as error:  # a damaged file may hold anything
         raise InputError(
             f"{path}: not the result of a point ({reason(error)}): delete the file to"
             " compute it again"
@@ -460,13 +436,6 @@ def _read_point(out: Path, key: str) -> PointResult | None:
 
 
 def _write_point(out: Path, key: str, scene: Scene, result: PointResult) -> None:
-    _write_scene(out, key, scene)
-    if result.status == "done":  # failed points are tried again
-        record = asdict(result) | {"key": key}
-        record["digest"] = _digest(record)
-        text = json.dumps(record, indent=1, allow_nan=False)
-        write_text(out / "points" / f"{key}.json", text + "\n")
-
-
-def _write_scene(out: Path, key: str, scene: Scene) -> None:
     write_text(out / "points" / f"{key}.yaml", scene.to_yaml())
+    if result.status == "done":  # failed points are tried again
+        write_summary(out / "points" / f"{key}.json", asdict(result))

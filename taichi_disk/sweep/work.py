@@ -38,22 +38,6 @@ class PointResult:
     versions: dict[str, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class Task:
-    """Scenes that one worker computes. Unpickling a task computes it, and returns the
-    results of its scenes, in order."""
-
-    # A worker without this package then fails in the task, and its error comes back. A
-    # Dask worker that cannot unpickle a function closes itself without a word.
-
-    versions: dict[str, str]  # where the sweep was started
-    scenes: bytes  # pickled, because a worker of other versions could not unpickle them
-    estimate: bool
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return compute_task, (self.versions, self.scenes, self.estimate)
-
-
 def relevant_versions() -> dict[str, str]:
     return {name: version for name, version in versions().items() if name != "python"}
 
@@ -63,7 +47,7 @@ def compute_task(
 ) -> list[PointResult]:
     """Return the results of a task's pickled `scenes`. Raises InputError unless the
     versions here are the `expected` ones."""
-    _check_versions(expected)
+    check_versions(socket.gethostname(), relevant_versions(), expected)
     if threading.current_thread() is threading.main_thread():
         return _compute(scenes, estimate)
     # A worker may have several threads, and Taichi makes fields only in the thread that
@@ -71,17 +55,18 @@ def compute_task(
     return _taichi_thread().submit(_compute, scenes, estimate).result()
 
 
-def _check_versions(expected: dict[str, str]) -> None:
-    installed = relevant_versions()
+def check_versions(
+    worker: str, installed: dict[str, str], expected: dict[str, str]
+) -> None:
     mismatches = []
     for name, version in expected.items():
-        version_here = installed.get(name)
-        if version_here != version:
-            mismatches.append(f"{name} {version_here} instead of {version}")
+        version_there = installed.get(name)
+        if version_there != version:
+            mismatches.append(f"{name} {version_there} instead of {version}")
     if mismatches:
         raise InputError(
-            f"a worker on {socket.gethostname()} has {', '.join(mismatches)}: install"
-            " the same versions everywhere"
+            f"a worker on {worker} has {', '.join(mismatches)}: install the same"
+            " versions everywhere"
         )
 
 
@@ -92,12 +77,12 @@ def _taichi_thread() -> Executor:
 
 def _compute(scenes: bytes, estimate: bool) -> list[PointResult]:
     with runtime.alone():
-        _start_worker()
+        start_worker()
     return list(compute_points(pickle.loads(scenes), estimate))
 
 
 @lru_cache(maxsize=1)
-def _start_worker() -> None:
+def start_worker() -> None:
     """Start Taichi, on one core unless this process has started it already. Taichi
     stops at exit, which saves its cache."""
     threads: int | None = 1

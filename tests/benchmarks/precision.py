@@ -25,7 +25,7 @@ from matplotlib.figure import Figure
 
 from taichi_disk import run
 from taichi_disk.computation.outcome import compute
-from taichi_disk.figures.axes import log_if_wide
+from taichi_disk.figures.drawing import log_if_wide
 from taichi_disk.output.plot import matplotlib_style
 from taichi_disk.scenes import load_scene
 from taichi_disk.scenes.setup import outcome_of

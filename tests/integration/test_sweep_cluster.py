@@ -345,11 +345,10 @@ def test_a_dask_worker_without_the_package_is_named(
         timeout=PATIENCE,
     )
     last = done.stderr.splitlines()[-1]
-    assert (done.returncode, last) == (
-        2,
-        "error: a worker cannot import taichi_disk: install the same packages"
-        " everywhere",
-    )
+    assert done.returncode == 2
+    assert last.startswith("error: a worker cannot import this package (")
+    assert "'taichi_disk' is not a package" in last
+    assert last.endswith("): install the same packages everywhere")
 
 
 def test_a_dask_worker_with_several_threads_gives_the_same_bytes(
@@ -374,7 +373,7 @@ def test_a_sweep_waits_while_there_are_no_workers(
             stdout=subprocess.DEVNULL,
             stderr=notes,
         )
-    text = "Dask workers; while there are none, the sweep waits"
+    text = "while there are none, the sweep waits"
     wait_until(lambda: text in (tmp_path / "notes").read_text(), "no note")
     assert count(out) == 0
     cluster.add_worker()
@@ -382,7 +381,7 @@ def test_a_sweep_waits_while_there_are_no_workers(
     assert (out / "points.csv").read_bytes() == expected
 
 
-def test_a_scheduler_that_goes_ends_the_sweep_in_one_line(
+def test_a_scheduler_that_goes_ends_the_sweep_and_the_last_line_says_so(
     cluster: Cluster, scene: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
@@ -396,7 +395,7 @@ def test_a_scheduler_that_goes_ends_the_sweep_in_one_line(
     kill(cluster.scheduler)
     lines = process.communicate(timeout=PATIENCE)[1].splitlines()
     assert process.returncode == 1
-    assert [line for line in lines if not line.startswith("note: ")] == [
+    assert lines[-1] == (
         "error: the workers failed (the scheduler has gone); finished points are kept:"
         " repeat the command to go on"
-    ]
+    )
