@@ -18,7 +18,13 @@ from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.computation.driver import State as State
 from taichi_disk.computation.outcome import Outcome
 from taichi_disk.config.tree import Source, as_path
-from taichi_disk.errors import NOTICES, InputError, did_you_mean, nearest
+from taichi_disk.errors import (
+    NOTICES,
+    InputError,
+    SimulationError,
+    did_you_mean,
+    nearest,
+)
 from taichi_disk.lattice import Array, Lattice, disk_of, numbers
 from taichi_disk.output import files
 from taichi_disk.output.artist import drawing_process
@@ -437,6 +443,8 @@ class Result(Outcome):
                     video,
                     artist,
                 )
+        if folder.failure:
+            raise SimulationError(folder.failure)
         return folder.out
 
     @classmethod
@@ -579,6 +587,8 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
             if export:
                 work.export(outcome, folder.path, export)
             work.write(folder, outcome, video, artist)
+    if folder.failure:
+        outcome.summary.update(status="failed", reason=folder.failure)
     # without room for anything there is no folder
     written = folder.out if folder.out.is_dir() else None
     return Result(**vars(outcome), out=written)

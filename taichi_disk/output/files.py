@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import errno
 import json
 import os
 import platform
@@ -31,6 +32,9 @@ from taichi_disk.version import __version__
 if TYPE_CHECKING:
     from taichi_disk.scenes.scene import DiskScene
 
+MARK = "summary.json"  # of a folder that holds a run
+# after these errors a copy would fail, too
+NO_ROOM = (errno.EACCES, errno.ENOSPC, errno.EROFS)
 PROGRAM = f"taichi-disk {__version__}"
 # files of a folder that holds a film's pictures, or a trajectory
 NUMBERED = re.compile(r"\d+(_[a-z]+)?\.(png|vtu)")
@@ -113,15 +117,42 @@ def atomic_write(path: Path, writer: Callable[[Path], object]) -> None:
 
 
 def replace(new: Path, path: Path) -> None:
-    """Rename `new` to `path`. An existing folder is moved aside first and removed
-    last."""
-    if new.is_dir() and path.is_dir():
-        remove(_displaced(path))
-        os.rename(path, _displaced(path))
+    """Rename `new` to `path`. An existing folder is moved aside first and removed last.
+    What cannot be renamed is copied."""
     try:
+        if new.is_dir() and path.is_dir():
+            remove(_displaced(path))
+            os.rename(path, _displaced(path))
         os.replace(new, path)
+    except OSError as error:
+        restore(path)
+        if error.errno in NO_ROOM:
+            raise
+        _copy_over(new, path)
     finally:
         restore(path)
+
+
+def _copy_over(new: Path, path: Path) -> None:
+    """Copy `new` to `path`, and remove it. Object stores, mount points and folders of a
+    container's image cannot be renamed."""
+    if new.is_file():
+        shutil.copyfile(new, path)
+    else:
+        path.mkdir(exist_ok=True)
+        # summary.json makes a folder a run: it goes first and comes last
+        for name in sorted(os.listdir(path), key=MARK.__ne__):
+            remove(path / name)
+        for name in sorted(os.listdir(new), key=MARK.__eq__):
+            copy(new / name, path / name)
+    remove(new)
+
+
+def copy(old: Path, new: Path) -> None:
+    if old.is_dir():
+        shutil.copytree(old, new)
+    else:
+        shutil.copyfile(old, new)
 
 
 def restore(path: Path) -> None:

@@ -1,5 +1,5 @@
-"""The folder of one run: it is chosen before anything is computed, and appears by one
-rename when the run has ended.
+"""The folder of one run: it is chosen before anything is computed, and appears when
+the run has ended, by one rename if the storage can rename folders.
 
 Until then the run is built in a hidden folder beside it. docs/output.md says what may
 be replaced.
@@ -9,17 +9,15 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from errno import EEXIST, ENOTEMPTY
 from functools import partial
 from itertools import chain, count
 from pathlib import Path
 from typing import NamedTuple
 
-from taichi_disk.errors import NOTICES, InputError, SimulationError, reason
+from taichi_disk.errors import NOTICES, InputError, reason
 from taichi_disk.output import files
 from taichi_disk.text_files import read_text
 
@@ -82,11 +80,13 @@ class RunFolder:
         path: hidden folder, into which the files are written.
         out: folder in which they appear; another one if it has become unsuitable.
         replaceable: identities of the runs that may be replaced, this run's first.
+        failure: why the files are still in `path`.
     """
 
     path: Path
     out: Path
     replaceable: list[tuple[str, str]]
+    failure: str = ""
 
     def take_over(self) -> str | None:
         """Copy earlier films and trajectories of the same run, and return the name of
@@ -94,7 +94,7 @@ class RunFolder:
         for earlier in self._earlier_pictures():
             new = self.path / earlier.name
             if not new.exists():
-                files.atomic_write(new, partial(_copy, earlier))
+                files.atomic_write(new, partial(files.copy, earlier))
         for name in FILMS:
             if (self.path / name).exists():
                 return name
@@ -129,18 +129,10 @@ class RunFolder:
             raise InputError(f"{folder} holds a finished run")
         if stored.status and stored.identity not in self.replaceable:
             raise InputError(f"{folder} holds another run{advice}")
-        try:
-            # This never succeeds, because `path` is not empty. But a mount point, or a
-            # folder of a container's image, fails for its own reason.
-            os.rename(folder, self.path)
-        except OSError as error:
-            if folder.is_dir() and error.errno not in (EEXIST, ENOTEMPTY):
-                why = reason(error)
-                raise InputError(f"{folder} cannot be renamed ({why})") from None
 
     def appear(self, status: str) -> None:
-        """Rename `path` to `out`, or to another folder if `out` has become unsuitable.
-        Raises SimulationError if that fails; the run then stays in `path`."""
+        """Move `path` to `out`, or to another folder if `out` has become unsuitable. If
+        that fails, the run stays in `path`, and `failure` says why."""
         others = self.out
         if status != "done":
             others = others.with_name(f"{others.name}-{status}")
@@ -148,10 +140,11 @@ class RunFolder:
             self.out = self.choose(chain([self.out], _numbered(others)), status)
             files.replace(self.path, self.out)
         except OSError as error:
-            raise SimulationError(
+            self.failure = (
                 f"cannot move the run into {self.out}: {reason(error)}; it stays in"
                 f" {self.path}"
-            ) from error
+            )
+            self.out = self.path
 
 
 @contextmanager
@@ -177,8 +170,7 @@ def run_folder(
             summary.
 
     Raises InputError on entry, with nothing left behind, if the folder holds something
-    else, cannot be renamed or cannot be written. Raises SimulationError on exit if
-    `path` cannot be renamed; the run then stays there.
+    else or cannot be written.
     """
     asked = Path(out).expanduser()
     with ExitStack() as cleanup:
@@ -230,13 +222,6 @@ def _numbered(folder: Path) -> Iterator[Path]:
     yield folder
     for number in count(2):
         yield folder.with_name(f"{folder.name}-{number}")
-
-
-def _copy(old: Path, new: Path) -> None:
-    if old.is_dir():
-        shutil.copytree(old, new)
-    else:
-        shutil.copy2(old, new)
 
 
 def refuse_run(out: Path) -> None:

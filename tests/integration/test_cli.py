@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import subprocess
@@ -142,6 +143,25 @@ def test_messages_of_the_command_line_name_options(tmp_path, capsys):
         "another run (--overwrite replaces it); choose another folder with --out\n"
         in capsys.readouterr().err
     )
+
+
+def test_numbers_are_printed_although_the_run_cannot_be_moved(
+    tmp_path, capsys, monkeypatch
+):
+    replace = os.replace
+
+    def full(new, path):
+        if os.path.isdir(new):
+            raise OSError(errno.ENOSPC, "No space left on device")
+        replace(new, path)
+
+    monkeypatch.setattr(os, "replace", full)
+    assert main(arguments(tmp_path / "r", "lattice.points=30")) == 1
+    out, err = capsys.readouterr()
+    assert out.startswith("restitution e ")
+    assert "error: cannot move the run into" in err
+    folder = Path(out.rpartition("files in ")[2].strip())
+    assert {"summary.json", "final.npz"} <= names(folder)
 
 
 def test_export_notes_an_edited_scene(tmp_path, capsys):

@@ -6,6 +6,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 import subprocess
 import sys
 from contextlib import suppress
@@ -310,12 +311,13 @@ def test_a_run_that_cannot_be_moved_is_kept_where_it_is(tmp_path, monkeypatch):
         replace(new, path)
 
     monkeypatch.setattr(os, "replace", full)
-    with pytest.raises(
-        SimulationError,
-        match=r"cannot move the run into .*: No space left on device; it stays in ",
-    ):
-        compute(tmp_path / "run")
-    assert len(content(tmp_path)) == len(RUN)
+    with run_folder(tmp_path / "run", SCENE, False) as folder:
+        (folder.path / "summary.json").write_text('{"status": "done"}')
+    assert re.fullmatch(
+        r"cannot move the run into .*: No space left on device; it stays in .*",
+        folder.failure,
+    )
+    assert set(content(folder.out)) == {"scene.yaml", "summary.json"}
 
 
 KILLED = """
@@ -376,36 +378,31 @@ def test_a_killed_run_leaves_the_old_or_the_new_one_whole_and_the_next_puts_it_r
     assert [name for name in os.listdir(tmp_path) if ".new." not in name] == ["run"]
 
 
-@pytest.mark.parametrize("code", [errno.EXDEV, errno.EBUSY])
-@pytest.mark.parametrize("count_on", [False, True])
-def test_what_cannot_be_renamed_is_known_before_the_computation(
-    notices, tmp_path, monkeypatch, code, count_on
-):
-    # A mount point is busy, and an overlay does not rename folders of a lower layer.
-    compute(tmp_path / "run", mark="old")
-    rename = os.rename
+@pytest.mark.parametrize(
+    "code", [errno.EXDEV, errno.EBUSY, errno.ENOSYS, errno.EPERM, errno.EOPNOTSUPP]
+)
+def test_a_run_is_copied_if_folders_cannot_be_renamed(tmp_path, monkeypatch, code):
+    # A mount point is busy, an overlay does not rename folders of a lower layer, and an
+    # object store has no folders.
+    def refused(move):
+        def moved(old, new):
+            if Path(old).is_dir():
+                raise OSError(code, os.strerror(code))
+            move(old, new)
 
-    def refuse(old, new):
-        if Path(old) == tmp_path / "run":
-            raise OSError(code, os.strerror(code))
-        rename(old, new)
+        return moved
 
-    monkeypatch.setattr(os, "rename", refuse)
-    before = content(tmp_path)
-    if not count_on:
-        with (
-            pytest.raises(InputError, match=r"run cannot be renamed \(.*\); choose"),
-            run_folder(tmp_path / "run", SCENE, False),
-        ):
-            pytest.fail("it computes")
-        assert content(tmp_path) == before
-    else:
-        with run_folder(tmp_path / "run", SCENE, True) as folder:
-            assert folder.out == tmp_path / "run-2"
-            (folder.path / "summary.json").write_text('{"status": "done"}')
-        assert set(os.listdir(tmp_path)) == {"run", "run-2"}
-        assert len(notices.messages) == 1
-        assert "this run goes into" in notices.messages[0]
+    monkeypatch.setattr(os, "rename", refused(os.rename))
+    monkeypatch.setattr(os, "replace", refused(os.replace))
+    for mark in ("old", "new"):
+        out = compute(tmp_path / "run", mark=mark, files=("frames/1.png",))
+        assert out == tmp_path / "run"
+        assert content(out)["plot.png"] == content(out)["frames/1.png"] == mark
+        (out / "render.mp4").write_text("made")
+    assert set(content(out)) == {*RUN, "frames/1.png", "render.mp4"}
+    assert os.listdir(tmp_path) == ["run"]
+    with pytest.raises(InputError, match="holds another run"):
+        compute(out, OTHER)
 
 
 LITTER = (
