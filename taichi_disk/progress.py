@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import wraps
 from inspect import signature
 from time import monotonic
@@ -95,10 +95,16 @@ def terminal(stream: TextIO | None) -> Iterator[Progress]:
         yield silent
         return
     bars = _Bars(stream)
+
+    def show(stage: str, done: float, total: float | None) -> None:
+        with suppress(OSError):  # the terminal has gone
+            bars.show(stage, done, total)
+
     try:
-        yield bars.show
+        yield show
     finally:
-        bars.progress.stop()
+        with suppress(OSError):
+            bars.progress.stop()
 
 
 class _Bars:

@@ -1,5 +1,5 @@
-"""Handle Ctrl-C and SIGTERM by a flag, which the program checks between kernel
-launches, frames and rows.
+"""Handle Ctrl-C, SIGTERM and other signals that end a command by a flag, which the
+program checks between kernel launches, frames and rows.
 
 A handler must not raise: Taichi 1.7.4 swallows exceptions in a bare `except` while it
 compiles, and an extension module that is importing another one aborts the process.
@@ -26,6 +26,14 @@ REPEAT_TIME = 0.5
 POLL_INTERVAL = 0.2  # [s] between checks for a signal while this process waits
 SHOW_CURSOR = b"\x1b[?25h"  # progress bars hide the cursor
 
+NAMES = (
+    "SIGINT",
+    "SIGTERM",
+    "SIGHUP",  # the terminal or the connection has gone
+    "SIGXCPU",  # the processor time of a job is over; comes again each second
+)
+ENDINGS = [number for number in signal.Signals if number.name in NAMES]
+
 # received signals; global, because a process has one handler per signal
 _pending: list[int] = []
 
@@ -38,7 +46,7 @@ def raise_if_interrupted() -> None:
 
 
 def listen() -> None:
-    """Let SIGINT and SIGTERM set the flag, and a second signal end the process."""
+    """Let ENDINGS set the flag, and a second signal end the process."""
     handler = _flagging(_exit)
     # Python calls handlers between two of its instructions, and SciPy meshes a large
     # lattice in one. A thread is told of signals meanwhile.
@@ -46,8 +54,12 @@ def listen() -> None:
     sender.setblocking(False)
     signal.set_wakeup_fd(sender.detach(), warn_on_full_buffer=False)
     threading.Thread(target=_watch, args=(receiver,), daemon=True).start()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, handler)
+    for number in ENDINGS:
+        is_by_nohup = (
+            number.name == "SIGHUP" and signal.getsignal(number) == signal.SIG_IGN
+        )
+        if not is_by_nohup:
+            signal.signal(number, handler)
 
 
 def _watch(receiver: socket.socket) -> None:
@@ -55,11 +67,11 @@ def _watch(receiver: socket.socket) -> None:
     first = inf
     while True:
         number = receiver.recv(1)[0]
-        if number not in (signal.SIGINT, signal.SIGTERM):
+        if number not in ENDINGS:
             continue
         if first == inf:
             first = monotonic()
-        elif monotonic() > first + REPEAT_TIME:
+        elif _is_second(number, first):
             _exit(number, None)
 
 
@@ -90,10 +102,16 @@ def _flagging(second: Handler) -> Handler:
         if first == inf:
             first = monotonic()
             _pending.append(number)
-        elif monotonic() > first + REPEAT_TIME:
+        elif _is_second(number, first):
             second(number, frame)
 
     return handler
+
+
+def _is_second(number: int, first: float) -> bool:
+    """Return whether a signal asks again, after the `first` time [s], for an end."""
+    is_limit = signal.Signals(number).name == "SIGXCPU"
+    return monotonic() > first + REPEAT_TIME and not is_limit
 
 
 def _exit(number: int, frame: FrameType | None) -> None:
@@ -104,13 +122,12 @@ def _exit(number: int, frame: FrameType | None) -> None:
 
 @contextmanager
 def ignored_by_children() -> Iterator[None]:
-    """Start processes that ignore SIGINT and SIGTERM while the block runs, so that only
-    the parent handles signals to the whole group."""
+    """Start processes that ignore ENDINGS while the block runs, so that only the parent
+    handles signals to the whole group."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
-    both = {signal.SIGINT, signal.SIGTERM}
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, both)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDINGS)
     try:
         yield
     finally:

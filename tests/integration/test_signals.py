@@ -17,6 +17,7 @@ import pytest
 
 from taichi_disk import engine
 from taichi_disk.signals import (
+    ENDINGS,
     INTERRUPTED,
     REPEAT_TIME,
     deferred_interrupts,
@@ -191,7 +192,7 @@ def processor_time(process):
     return ticks / os.sysconf("SC_CLK_TCK")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", ENDINGS)
 def test_processes_of_a_sweep_ignore_signals_that_their_parent_receives(number):
     code = f"import os; os.kill(os.getpid(), {int(number)}); print('alive')"
 
@@ -226,6 +227,34 @@ def test_a_second_signal_ends_a_command_at_once_but_two_together_are_one():
     time.sleep(REPEAT_TIME)
     child.send_signal(signal.SIGINT)
     assert child.wait(timeout=10) == INTERRUPTED
+
+
+def test_the_end_of_the_processor_time_is_one_signal_however_often_it_comes():
+    child = subprocess.Popen(
+        [sys.executable, "-c", LISTENING], stdout=subprocess.PIPE, text=True
+    )
+    assert child.stdout.readline() == "ready\n"
+    for _ in range(2):
+        child.send_signal(signal.SIGXCPU)
+        time.sleep(1.2 * REPEAT_TIME)
+    assert child.poll() is None
+    child.send_signal(signal.SIGHUP)
+    assert child.wait(timeout=10) == INTERRUPTED
+
+
+def test_a_command_started_by_nohup_goes_on_when_the_connection_is_lost():
+    child = subprocess.Popen(
+        ["sh", "-c", 'trap "" HUP; exec "$@"', "-", sys.executable, "-c", LISTENING],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert child.stdout.readline() == "ready\n"
+    for _ in range(2):
+        child.send_signal(signal.SIGHUP)
+        time.sleep(1.2 * REPEAT_TIME)
+    assert child.poll() is None
+    child.kill()
+    child.wait()
 
 
 @pytest.mark.validate
@@ -285,13 +314,13 @@ def test_ctrl_c_in_python_is_a_keyboard_interrupt_wherever_a_run_is():
 
 
 @pytest.mark.validate
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", ENDINGS)
 def test_a_run_that_is_interrupted_leaves_a_summary_that_says_so(tmp_path, number):
     interrupted(tmp_path / "a" / "o", 2.0 + random.Random(int(number)).random(), number)
 
 
 @pytest.mark.validate
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", ENDINGS)
 def test_an_interrupt_at_any_moment_ends_with_130_and_leaves_nothing_half_written(
     tmp_path, run_time, number
 ):

@@ -3,6 +3,7 @@ order."""
 
 from __future__ import annotations
 
+import errno
 import io
 
 import pytest
@@ -71,3 +72,16 @@ def test_a_bar_that_was_never_needed_writes_nothing():
     with pytest.raises(KeyError), terminal(stream):
         raise KeyError
     assert stream.getvalue() == ""
+
+
+def test_a_terminal_that_has_gone_ends_no_run():
+    stream = Terminal()
+    with pytest.raises(KeyError), terminal(stream) as progress:
+        progress("simulate", 0, None)
+        stream.write = broken
+        progress("lattices", 1, 2)
+        raise KeyError  # and not OSError
+
+
+def broken(text):
+    raise OSError(errno.EIO, "Input/output error")
