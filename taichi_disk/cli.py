@@ -16,7 +16,13 @@ from typing import Any, NoReturn
 from taichi_disk import BEGAN, __version__
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.config.tree import shipped_scenes
-from taichi_disk.errors import NOTICES, InputError, TaichiDiskError, system_message
+from taichi_disk.errors import (
+    NOTICES,
+    InputError,
+    TaichiDiskError,
+    printable,
+    system_message,
+)
 from taichi_disk.machine import cores
 from taichi_disk.progress import terminal
 from taichi_disk.signals import INTERRUPTED, raise_if_interrupted
@@ -474,11 +480,12 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _shipped(has_sweep: bool = False) -> str:
-    names = []
-    for name, path in shipped_scenes().items():
-        text = path.read_text(encoding="utf-8")
-        if ("\nsweep:" in text) == has_sweep:
-            names.append(name)
+    # by their names, because a file that a user has put there may be anything
+    names = [
+        printable(name).replace("%", "%%")
+        for name in shipped_scenes()
+        if name.startswith("figure") == has_sweep
+    ]
     return ", ".join(names)
 
 

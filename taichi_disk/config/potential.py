@@ -1,10 +1,9 @@
-"""The wall potential V0 exp(-a y)."""
+"""The wall potential V0 exp(-a y). NumPy is imported when used, because --help and the
+sections of a scene file need no arrays."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 if TYPE_CHECKING:
     from taichi_disk.lattice import Array
@@ -25,6 +24,8 @@ class ExponentialPotential:
 
     def potential(self, y: Array | float) -> Array:
         """Return V0 exp(-a y) [M c^2], which is infinite far inside the wall."""
+        import numpy as np
+
         with np.errstate(over="ignore"):
             return np.asarray(self.V0 * np.exp(-self.a * y))
 
@@ -38,12 +39,16 @@ class ExponentialPotential:
 
         `heights` (k,): heights of the points above the lowest one [R].
         """
+        import numpy as np
+
         total = np.log(np.exp(-self.a * heights).sum()) + np.log(self.V0)
         return float((total - np.log(energy)) / self.a)
 
     def height_of_force(self, force: float, heights: Array | float = 0.0) -> float:
         """Return the distance of the lowest point [R] at which the wall's total force
         is `force` [M c^2/R]."""
+        import numpy as np
+
         force_at_0 = self.a * self.V0 * np.exp(-self.a * heights).sum()
         return float(np.log(force_at_0 / force) / self.a)
 

@@ -399,5 +399,6 @@ def shipped_scenes() -> dict[str, Path]:
     # them, and they count if both exist.
     for folder in (package.parent / "scenes", package / "scene_library"):
         for path in sorted(folder.glob("[!.]*.yaml")):
-            scenes[path.stem] = path
+            if path.is_file():
+                scenes[path.stem] = path
     return scenes

@@ -16,6 +16,7 @@ import pytest
 
 from taichi_disk import __version__
 from taichi_disk.cli import main
+from taichi_disk.config import tree
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.scenes import load_scene
 
@@ -318,14 +319,14 @@ import sys
 from taichi_disk.cli import main
 SLOW = {"taichi", "taichi_forge", "scipy", "matplotlib", "rich", "imageio", "av", "PIL"}
 checks = [["check", name] for name in ("exponential_wall", "figure3", "no-such-scene")]
-for words in *checks, ["--help"]:
+for words in ["--help"], *checks:
     try:
         main(words)
     except SystemExit:
         pass
     slow = SLOW & set(sys.modules)
-    if slow:
-        sys.exit(f"{words} loaded {slow}")
+    if slow or words == ["--help"] and "numpy" in sys.modules:
+        sys.exit(f"{words} loaded {slow or 'numpy'}")
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -480,3 +481,23 @@ def test_a_folder_for_kernels_that_no_later_run_finds_is_removed(tmp_path):
     assert done.returncode == 0
     assert "note: no writable home" in done.stderr
     assert list((tmp_path / "t").iterdir()) == []
+
+
+def test_whatever_lies_among_the_shipped_scenes_ends_no_command(
+    tmp_path, monkeypatch, capsys
+):
+    folder = tmp_path / "scenes"
+    folder.mkdir()
+    (folder / "latin.yaml").write_bytes(b"# \xe4\nscene: compression\n")
+    (folder / "50%s.yaml").touch()
+    (folder / "folder.yaml").mkdir()
+    (folder / "link.yaml").symlink_to("nowhere")
+    os.mkfifo(folder / "pipe.yaml")
+    monkeypatch.setattr(tree, "__file__", str(tmp_path / "package/config/tree.py"))
+    for words in (["--version"], ["run", "--help"]):
+        with pytest.raises(SystemExit) as leaving:
+            main(words)
+        assert leaving.value.code == 0
+    assert "shipped scene: 50%s, latin\n" in capsys.readouterr().out
+    assert main(["check", "latin"]) == 2
+    assert "latin.yaml:1: not UTF-8 text" in capsys.readouterr().err
