@@ -143,7 +143,10 @@ def _factors(matrix: Any, shift: float) -> Any:
     positive definite."""
     from scipy.sparse import identity
 
-    factors = symmetric_factors(matrix + shift * identity(matrix.shape[0]))
+    try:
+        factors = symmetric_factors(matrix + shift * identity(matrix.shape[0]))
+    except RuntimeError:  # a pivot is 0
+        return None
     is_positive_definite = bool((factors.U.diagonal() > 0.0).all())
     if is_positive_definite:
         return factors
