@@ -22,6 +22,7 @@ from taichi_disk.text_files import read_text
 Source: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any]"
 Keys: TypeAlias = tuple[str, ...]  # from the top of the scene down to a value
 _TAG = "tag:yaml.org,2002:"
+_MAX_EXPLAINED = 20  # faults; a search for what was meant takes milliseconds
 
 
 class Mark(NamedTuple):
@@ -77,6 +78,11 @@ class Tree:
     def fault(self, mark: Mark, path: Keys, what: str) -> None:
         self.faults.append(Fault(mark, ".".join(path), what))
 
+    @property
+    def is_full(self) -> bool:
+        """Whether there are so many faults that others are only counted."""
+        return len(self.faults) >= _MAX_EXPLAINED
+
     def take_faults(self, other: Tree) -> None:
         """Add the faults of another tree."""
         self.faults += other.faults
@@ -91,8 +97,11 @@ class Tree:
         for fault in self.faults:
             first.setdefault((fault.mark, fault.key), fault)
         lines = [str(fault) for fault in sorted(first.values())]
-        if len(lines) > 1:
-            lines.insert(0, f"{len(lines)} faults in the scene:")
+        count = len(lines)
+        if count > _MAX_EXPLAINED:
+            lines[_MAX_EXPLAINED:] = [f"and {count - _MAX_EXPLAINED:,} more"]
+        if count > 1:
+            lines.insert(0, f"{count:,} faults in the scene:")
         raise InputError("\n  ".join(lines))
 
     def entry(self, path: Keys) -> Entry:

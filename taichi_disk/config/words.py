@@ -1,49 +1,37 @@
-"""Common mistakes in keys and numbers, and the suggestions of messages."""
+"""Words of papers, lectures and other programs for what a scene calls otherwise."""
 
 from __future__ import annotations
 
-import re
-from math import radians
-from typing import Any
-
-# For each key, its names in papers, lectures and other programs, in lower case.
-_NAMES = {
-    "eta_star": "eta η η* damping",
-    "velocity": "speed v",
-    "friction": "mu μ µ",  # the Greek letter and the micro sign
-    "points": "n",
-    "angle": "theta θ",
-    "spin": "omega ω",
-    "pressure": "p",
-    "dt": "step",
-    "colour": "color",
+# in lower case, with the key that is meant
+SYNONYMS = {
+    "eta": "eta_star",
+    "η": "eta_star",
+    "η*": "eta_star",
+    "damping": "eta_star",
+    "speed": "velocity",
+    "v": "velocity",
+    "mu": "friction",
+    "μ": "friction",  # the Greek letter
+    "µ": "friction",  # the micro sign
+    "n": "points",
+    "theta": "angle",
+    "θ": "angle",
+    "omega": "spin",
+    "ω": "spin",
+    "p": "pressure",
+    "step": "dt",
+    "color": "colour",
 }
-ALIASES: dict[str, str] = {}
-for _key, _names in _NAMES.items():
-    ALIASES |= dict.fromkeys(_names.split(), _key)
 _LENGTH = "the disk's radius R is the unit of length"
 _MASS = "the disk's mass M is the unit of mass"
-UNITS = dict.fromkeys(("radius", "r", "diameter"), _LENGTH)
-UNITS |= dict.fromkeys(("mass", "m"), _MASS)
-_DEGREES = re.compile(r"([-+]?[0-9]*\.?[0-9]+) *(deg|degrees?|°)")
-_COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+(e[-+]?[0-9]+)?")
+UNITS = {
+    "radius": _LENGTH,
+    "r": _LENGTH,
+    "diameter": _LENGTH,
+    "mass": _MASS,
+    "m": _MASS,
+}
 
 
-def number_hint(value: Any, unit: str, key: str) -> str:
-    """Return a hint for a value that should be a number, or "" if there is none."""
-    if isinstance(value, list) and len(value) > 1:
-        if any(isinstance(one, (list, dict)) for one in value):
-            return ""
-        return (
-            "; several values are a sweep: write them in the section sweep, as sweep:"
-            f" {{{key}: {value}}}"
-        )
-    if not isinstance(value, str):
-        return ""
-    text = value.strip()
-    degrees = _DEGREES.fullmatch(text.lower())
-    if unit == "rad" and degrees is not None:
-        return f"; in radians that is {radians(float(degrees[1])):.6g}"
-    if _COMMA.fullmatch(text.lower()):
-        return f"; did you mean {text.replace(',', '.')}?"
-    return ""
+def meant(word: str) -> str:
+    return SYNONYMS.get(word.lower(), word)

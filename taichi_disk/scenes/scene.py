@@ -22,7 +22,7 @@ from taichi_disk.config.sections import (
     VideoSection,
 )
 from taichi_disk.config.tree import Keys, Tree, tree_of
-from taichi_disk.config.words import ALIASES, UNITS, number_hint
+from taichi_disk.config.words import UNITS, meant
 from taichi_disk.errors import InputError, did_you_mean, either, nearest
 from taichi_disk.lattice import (
     Array,
@@ -355,8 +355,8 @@ def check(tree: Tree, kinds: Kinds) -> DiskScene | None:
     if "scene" in tree.value:
         what = f"must be {either(kinds)}, not {entry.shown}{did_you_mean(kind, kinds)}"
     tree.fault(entry.value, ("scene",), what)
-    for meant in nearest(kind, kinds):  # check the other keys for the most similar kind
-        _read(meant, tree, kinds)
+    for similar in nearest(kind, kinds):  # check its keys, too
+        _read(similar, tree, kinds)
     return None
 
 
@@ -368,7 +368,7 @@ def _read(kind: str, tree: Tree, kinds: Kinds) -> DiskScene | None:
         if name == "scene":
             continue
         if name not in sections:
-            tree.fault(entry.key, (name,), _unknown(kind, (name,), kinds))
+            tree.fault(entry.key, (name,), _unknown(kind, (name,), kinds, tree))
         elif given is None:
             text = "an empty section: give it a key, or leave it out"
             tree.fault(entry.value, (name,), text)
@@ -401,16 +401,11 @@ def _value(kind: str, path: Keys, value: Any, tree: Tree, kinds: Kinds) -> Any:
     key = kinds[kind].sections()[path[0]].schema().get(path[1])
     entry = tree.entry(path)
     if key is None:
-        tree.fault(entry.key, path, _unknown(kind, path, kinds))
-    elif (
-        key.kind is int
-        and isinstance(value, float)
-        and value.is_integer()
-        and key.accepts(int(value))
-    ):
-        return int(value)  # such as 1e3
+        tree.fault(entry.key, path, _unknown(kind, path, kinds, tree))
     elif not key.accepts(value):
-        hint = did_you_mean(value, key.words) or number_hint(value, key.unit, path[-1])
+        hint = did_you_mean(value, key.words)
+        if isinstance(value, list) and len(value) > 1:
+            hint = "; several values are a sweep: write them in the section sweep"
         what = f"must be {key.allowed()}, not {entry.shown}{hint} ({key.meaning})"
         tree.fault(entry.value, path, what)
     elif path in (("lattice", "file"), ("lattice", "velocities")) and value != "none":
@@ -425,8 +420,10 @@ def _value(kind: str, path: Keys, value: Any, tree: Tree, kinds: Kinds) -> Any:
     return value
 
 
-def _unknown(kind: str, path: Keys, kinds: Kinds) -> str:
+def _unknown(kind: str, path: Keys, kinds: Kinds, tree: Tree) -> str:
     """Return what is wrong with an unknown section, or an unknown key of a section."""
+    if tree.is_full:
+        return "unknown key"
     word = path[-1]
     unit = UNITS.get(word.lower())
     if unit:
@@ -434,18 +431,18 @@ def _unknown(kind: str, path: Keys, kinds: Kinds) -> str:
     owners = [name for name, one in kinds.items() if _has(one, path)]
     if owners:
         return f"belongs to scene: {either(owners)}, not to scene: {kind}"
-    meant = ALIASES.get(word.lower(), word)
+    name = meant(word)
     sections = kinds[kind].sections()
     if len(path) == 1:
         place = f"scene: {kind}"
         siblings = ["scene", *sections]
         names = [*siblings, *kinds[kind].key_names()]
-        meant = (nearest(meant, names) or [meant])[0]
+        name = (nearest(name, names) or [name])[0]
     else:
         place = path[0]
         siblings = [*sections[place].schema()]
     # inside a section, a key of another section only if its name is exactly the same
-    homes = [".".join(home) for home in kinds[kind].homes(meant)]
+    homes = [".".join(home) for home in kinds[kind].homes(name)]
     if homes:
         return f"unknown key; did you mean {either(homes)}?"
     hint = did_you_mean(word, siblings)

@@ -16,7 +16,7 @@ from math import prod
 from typing import Any, TypeAlias
 
 from taichi_disk.config.tree import Entry, Keys, Tree, printable
-from taichi_disk.config.words import ALIASES
+from taichi_disk.config.words import meant
 from taichi_disk.errors import did_you_mean
 from taichi_disk.scenes.scene import DiskScene, Kinds, Value, check, yaml_scalar
 
@@ -108,8 +108,9 @@ def _axes(
         target = target_of(kind, name)
         if target is None:
             names = [key for key in kind.key_names() if target_of(kind, key)]
-            word = name.split(".")[-1]
-            hint = did_you_mean(ALIASES.get(word.lower(), word), names)
+            hint = ""
+            if not tree.is_full:
+                hint = did_you_mean(meant(name.split(".")[-1]), names)
             tree.fault(
                 mark,
                 path,

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from time import process_time
 from typing import Any
 
 import pytest
@@ -383,11 +384,6 @@ def test_numbers_are_read_as_yaml_1_2_has_them(
     assert load_scene("compression", [f"material.k_a={text}"]).material.k_a == value
 
 
-def test_a_list_of_lists_is_not_quoted(path: Path) -> None:
-    (fault,) = faults(path, "scene: compression\nlattice: {points: [[1, 2], [1, 2]]}\n")
-    assert fault.endswith("not a list (number of mass points N of the disk)")
-
-
 def test_the_last_override_of_a_key_wins() -> None:
     text = "scene: exponential_wall\nlattice: {points: -1, seed: 5}\n"
     scene = load_scene(
@@ -540,16 +536,11 @@ def test_any_text_and_any_bytes_give_a_scene_or_an_input_error(
         ("mu=0.3", "did you mean wall.friction?"),
         ("lattice.N=300", "did you mean lattice.points?"),
         ("lattice.radius=2", "the disk's radius R is the unit of length"),
-        ("impact.angle=45deg", "in radians that is 0.785398"),
-        ("impact.angle=45°", "in radians that is 0.785398"),
-        ("impact.velocity=0,02", "did you mean 0.02?"),
-        ("impact.velocity=[0.01, 0.02]", "sweep: {velocity: [0.01, 0.02]}"),
+        ("impact.velocity=[0.01, 0.02]", "several values are a sweep"),
         ("sweep.speed=[0.01, 0.02]", "did you mean velocity?"),
     ],
 )
-def test_words_of_papers_and_numbers_as_people_write_them_lead_to_a_hint(
-    override, hint
-):
+def test_words_of_papers_and_other_programs_lead_to_a_hint(override, hint):
     with pytest.raises(InputError) as caught:
         (load_sweep if override.startswith("sweep") else load_scene)(
             "exponential_wall", [override]
@@ -557,7 +548,17 @@ def test_words_of_papers_and_numbers_as_people_write_them_lead_to_a_hint(
     assert hint in str(caught.value)
 
 
-def test_a_whole_number_may_be_written_with_a_power_of_ten():
-    assert load_scene("exponential_wall", ["lattice.points=1e3"]).lattice.points == 1000
-    with pytest.raises(InputError, match="whole number"):
-        load_scene("exponential_wall", ["lattice.points=1.5e-1"])
+@pytest.mark.parametrize("section", ["lattice", "sweep", ""])
+def test_twenty_faults_are_explained_and_the_others_counted(section):
+    names = [f"pionts{k}" for k in range(3000)]
+    text = "scene: exponential_wall\n" + f"{section}:\n" * bool(section)
+    text += "".join(f"{' ' * len(section)}{name}: 1\n" for name in names)
+    began = process_time()
+    with pytest.raises(InputError) as caught:
+        load_any(text)
+    assert process_time() - began < 2.0  # 9 s, if each name is looked for
+    lines = str(caught.value).splitlines()
+    assert len(lines) == 22
+    assert lines[0] == "3,000 faults in the scene:"
+    assert "did you mean" in lines[20]
+    assert lines[-1] == "  and 2,980 more"
