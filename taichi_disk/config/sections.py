@@ -396,8 +396,17 @@ class TimeSection(Section):
 
 
 class VideoSection(Section):
-    size: int = key(720, "width and height", "px", low=64, high=2160, step=2)
-    fps: int = key(30, "frames per second", "1/s", low=1, high=120)
+    size: Auto | int = key(
+        "auto",
+        "height; auto: 720, of a GIF 480",
+        "px",
+        low=64,
+        high=2160,
+        step=2,
+    )
+    fps: Auto | int = key(
+        "auto", "frames per second; auto: 30, of a GIF 15", "1/s", low=1, high=120
+    )
     seconds: float = key(8.0, "length of the film", "s", low=0.1, high=600)
     colour: Colour = key("shear", "quantity shown in colour")
     draw: Draw = key("both", "what is drawn; both: coloured field and springs")
@@ -422,6 +431,9 @@ class VideoSection(Section):
         high=2,
     )
     text: float = key(1.0, "factor on the size of letters", low=0.5, high=3)
+    words: Literal["all", "few"] = key(
+        "all", "few: title, time, motion and result, for slides"
+    )
     supersample: float = key(
         1.0,
         "samples per pixel width; 2: smoothest and slowest",
@@ -432,3 +444,13 @@ class VideoSection(Section):
     format: Literal["mp4", "webm", "gif", "html", "png"] = key(
         "mp4", "html: page with player; png: folder of pictures"
     )
+
+    def size_and_rate(self, form: str) -> tuple[int, int]:
+        """Return height [px] and frames per second of a film in a format."""
+        size = self.size
+        fps = self.fps
+        if size == "auto":
+            size = 480 if form == "gif" else 720
+        if fps == "auto":
+            fps = 15 if form == "gif" else 30
+        return size, fps

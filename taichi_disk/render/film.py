@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_disk.config.sections import VideoSection
-from taichi_disk.errors import InputError
+from taichi_disk.errors import NOTICES, InputError
 from taichi_disk.output.artist import Artist
 from taichi_disk.output.files import (
     atomic_write,
@@ -20,6 +20,7 @@ from taichi_disk.output.files import (
 )
 from taichi_disk.progress import Progress
 from taichi_disk.render import require_film
+from taichi_disk.render.letters import Letters, lacking
 from taichi_disk.render.moments import (
     WHOLE,
     Caption,
@@ -33,16 +34,19 @@ from taichi_disk.render.moments import (
 )
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.panel import Panel, panel_scene
-from taichi_disk.render.pictures import Disk, Pictures
+from taichi_disk.render.pictures import Disk, Pictures, disk_width
 from taichi_disk.render.recording import Flight, Recording, Scales
 from taichi_disk.render.video import GIF_FPS
 from taichi_disk.render.video import video as encoded
-from taichi_disk.render.words import Letters
+from taichi_disk.render.words import Title, fitting_letters
 from taichi_disk.signals import raise_if_interrupted
 
 FORMATS = (".mp4", ".webm", ".gif", ".html", ".png", "")
-# smallest picture beside which curves have room for their labels [px]
+# Curves have room for their labels beside a picture of this height, if it is so many
+# times higher than the letters of their titles.
 _MIN_PANEL_SIZE = 360
+_MIN_PANEL_LINES = 20
+_LABEL_SIZE = 1.5  # size of a comparison's differing keys, relative to the title
 
 
 def check_target(path: Path) -> None:
@@ -93,39 +97,52 @@ def prepare_film(
     check_target(path)
     check_runs(runs, labels)
     require_film()
-    carried = film_origin(runs, video)
-    flights = [Flight.of(run, video.flight) for run in runs]
+    size, fps = video.size_and_rate(path.suffix[1:])
     if path.suffix == ".gif":
-        video = replace(video, fps=min(video.fps, GIF_FPS))
+        fps = min(fps, GIF_FPS)
+    flights = [Flight.of(run, video.flight) for run in runs]
     if path.suffix == ".png":
         shots = [still_cue(runs[0], span)]
         video = replace(video, supersample=2.0)
     else:
-        frames = round(video.fps * video.seconds)
-        shots = cues(runs, common_span(flights), frames, video.fps, span)
-    letters = Letters(video.size, video.text, video.theme)
+        frames = round(fps * video.seconds)
+        shots = cues(runs, common_span(flights), frames, fps, span)
+    words = [captions(run, shots) for run in runs]
+    letters = fitting_letters(
+        Letters(size, video.text, video.theme), words, disk_width(size, len(runs))
+    )
+    names = titles(runs, labels)
+    _note_lacking_letters(names)
     panel = None
-    if video.panel and video.size >= _MIN_PANEL_SIZE and len(runs) == 1:
+    has_room = size >= max(_MIN_PANEL_SIZE, _MIN_PANEL_LINES * letters.text.size)
+    if video.panel and len(runs) == 1 and has_room:
         scene = panel_scene(runs[0], letters, video.theme)
         panel = Panel(artist or Artist(), scene)
+    metadata = film_origin(runs, video)
     progress("render", 0, len(shots))
 
     def write(new: Path) -> None:
         times = [cue.t for cue in shots]
         recordings = [Recording(one, times, [video.colour]) for one in flights]
-        words = [captions(run, shots) for run in runs]
-        pictures = _pictures(
-            recordings, words, video, letters, titles(runs, labels), panel
-        )
+        pictures = _pictures(recordings, words, video, letters, names, panel)
         with (
             closing(pictures),
-            encoded(new, path.suffix, pictures.size, video.fps, carried) as append,
+            encoded(new, path.suffix, pictures.size, fps, metadata) as append,
         ):
             for k, finish in enumerate(_finished(pictures, recordings, words)):
                 append(finish)
                 progress("render", k + 1, len(shots))
 
     return partial(atomic_write, path, write)
+
+
+def _note_lacking_letters(names: Sequence[tuple[str, ...]]) -> None:
+    letters = "".join(sorted({*lacking("".join(map("".join, names)))}))
+    if letters:
+        NOTICES.warning(
+            f"no font of this machine has the letters {letters}, which are drawn as"
+            " boxes: install a font that has them, or change the label"
+        )
 
 
 def common_span(flights: Sequence[Flight]) -> tuple[float, float]:
@@ -152,10 +169,17 @@ def _pictures(
     panel: Panel | None,
 ) -> Pictures:
     scales = Scales.of(recordings, video.magnify)
+    enlarged = 1.0
+    if len(recordings) > 1:
+        enlarged = _LABEL_SIZE
     disks = []
-    for one, title, each in zip(recordings, names, words, strict=True):
-        outer = one.outer_positions(scales.magnify)
-        disks.append(Disk(painter_of(one, video, scales), title, each, outer))
+    for one, lines, each in zip(recordings, names, words, strict=True):
+        painter = painter_of(one, video, scales)
+        title = Title(lines[0], enlarged=enlarged)
+        if video.words == "all":
+            parameters = "    ".join(lines[1:]).split("    ")
+            title = Title(lines[0], parameters, painter.remarks, enlarged)
+        disks.append(Disk(painter, title, each, one.outer_positions(scales.magnify)))
     xmin, xmax, ymin, ymax = scales.view
     if letters.footer and not disks[0].painter.has_elastic_wall:
         ymin = max(one.edge for one in recordings)  # the wall's body carries the scales

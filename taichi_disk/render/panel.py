@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from taichi_disk.output.artist import Artist
 from taichi_disk.output.panel import ON_DARK, PanelScene, draw_panel, factored
 from taichi_disk.output.plot import axis_labels, curves, last_motion
+from taichi_disk.render.letters import Letters
 from taichi_disk.render.moments import Run, contact_of
 from taichi_disk.render.palette import THEMES, ink
-from taichi_disk.render.words import Letters
 
 _WIDTH = 7 / 9  # over the height: with one disk, a film is 16 : 9
 _BESIDE_CONTACT = 0.32  # shown before and after a contact, over its duration

@@ -12,6 +12,7 @@ from PIL import Image, ImageDraw
 from taichi_disk.computation.driver import State
 from taichi_disk.lattice import Array
 from taichi_disk.render.geometry import Camera, View
+from taichi_disk.render.letters import Box, Letters
 from taichi_disk.render.marks import Mark, stamp
 from taichi_disk.render.moments import Caption
 from taichi_disk.render.offscreen import open_window
@@ -19,20 +20,13 @@ from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import THEMES, ink
 from taichi_disk.render.panel import Panel
 from taichi_disk.render.video import Picture
-from taichi_disk.render.words import (
-    Box,
-    Legend,
-    Letters,
-    Scales,
-    caption_lines,
-    legend,
-)
+from taichi_disk.render.words import Legend, Scales, Title, caption_lines, legend
 
 _MARGIN = 8.0  # margin beside the view in a picture of 720 pixels [px]
 # width of the strip drawn around the view, which outlines and the wall's edge need [px]
 _OVERDRAW = 3.0
 _DISK_WIDTH = 8 / 9  # over the height, of one of several disks: two are 16 : 9
-_LABEL_SIZE = 1.5  # size of a comparison's differing keys, relative to the title
+_MOST_ABOVE = 0.34  # largest height of a band above the disk over the picture's
 _CLEAR = 4.0  # least distance of the disk to words in a picture of 720 pixels [px]
 
 
@@ -45,58 +39,55 @@ class Disk:
     """What one disk's picture shows.
 
     Attributes:
-        title: constant lines of words.
         captions: changing words of each picture.
         outer: positions (n, 2) [R] of the disk where it reaches farthest.
     """
 
     painter: Painter
-    title: Sequence[str]
+    title: Title
     captions: Sequence[Caption]
     outer: Sequence[Array]
+
+
+def disk_width(height: int, count: int) -> int:
+    """Return the width of the picture of one of `count` disks [px]."""
+    if count == 1:
+        return height
+    return 2 * round(height * _DISK_WIDTH / 2)
 
 
 def arranged(
     disks: Sequence[Disk], width: int, letters: Letters, view: View
 ) -> tuple[Camera, list[Legend]]:
     """Return the camera of disks in pictures of `width` [px], and their words: in the
-    corners if no disk reaches them and walls are rigid, else in a band above.
+    corners if no disk reaches them and walls are rigid, else in a band above. If the
+    band is too high, the least important parameters are left out of all pictures.
 
     The view ends at the footer.
     """
     height = letters.height
-    bottom = height - letters.footer
+    bottom = float(height - letters.footer)
     beside = _MARGIN * letters.unit
-    enlarged = _LABEL_SIZE if len(disks) > 1 else 1.0
-    has_body_below = any(one.painter.has_elastic_wall for one in disks)
-    for is_band in (has_body_below, True):
+    most = max(len(one.title.parameters) for one in disks)
+    trials = [(True, count) for count in range(most, -1, -1)]
+    if not any(one.painter.has_elastic_wall for one in disks):
+        trials.insert(0, (False, most))
+    for is_band, count in trials:
         legends = [
-            legend(
-                letters,
-                width,
-                one.title,
-                one.painter.remarks,
-                _samples(one.captions),
-                is_band,
-                enlarged,
-            )
+            legend(letters, width, one.title, one.captions, is_band, count)
             for one in disks
         ]
         header = max(one.header for one in legends)
-        viewport = beside, width - beside, float(header), float(bottom)
-        camera = Camera.fit(view, width, height, viewport)
-        pairs = zip(disks, legends, strict=True)
-        if not any(
-            _touch(camera, one.outer, each.boxes, letters) for one, each in pairs
-        ):
+        camera = Camera.fit(
+            view, width, height, (beside, width - beside, float(header), bottom)
+        )
+        touching = [
+            _touch(camera, one.outer, each.boxes, letters)
+            for one, each in zip(disks, legends, strict=True)
+        ]
+        if header <= _MOST_ABOVE * height and not any(touching):
             break
     return camera, legends
-
-
-def _samples(words: Sequence[Caption]) -> list[Caption]:
-    """Return the first and the last caption, and one of each kind."""
-    kinds = {(one.note, one.result): one for one in words}
-    return [words[0], words[len(words) // 2], words[-1], *kinds.values()]
 
 
 def _touch(
@@ -152,7 +143,7 @@ class Pictures:
         self._letters = letters
         self._panel = panel
         height = letters.height
-        width = height if len(disks) == 1 else 2 * round(height * _DISK_WIDTH / 2)
+        width = disk_width(height, len(disks))
         camera, legends = arranged(disks, width, letters, view)
         self._width = width
         self._disks = len(disks) * width

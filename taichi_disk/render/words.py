@@ -10,147 +10,33 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from importlib.util import find_spec
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import ImageFont
 
 from taichi_disk.fields import FRINGES, QUANTITIES
 from taichi_disk.output.panel import RAISED, factored
+from taichi_disk.render.letters import (
+    BAR_BELOW,
+    BAR_HEIGHT,
+    LEAST,
+    Box,
+    Face,
+    Letters,
+    Line,
+    even,
+)
 from taichi_disk.render.marks import Ink, Mark, arrows, stamp
 from taichi_disk.render.moments import Caption
 from taichi_disk.render.painter import ARROW, FORCE_ARROW, Painter
 from taichi_disk.render.palette import THEMES, ink
 
-Box = tuple[float, float, float, float]  # left, right, top and bottom [px]
-
-LEAST = 11.0  # smallest size of letters [px]
-# Sizes [px] in a picture of 720 pixels. In other pictures they are scaled, but letters
-# never become smaller than LEAST.
-_MARGIN = 24.0
-_HEADING = 26.0
-_TEXT = 20.0
-_SMALL = 18.0
-_BAR_HEIGHT = 16.0
-_BAR_BELOW = 28.0
-_LEADING = 1.3  # distance of baselines over the size of letters
-_LABELLED = 240  # smallest picture with room for text [px]
-# largest height of a band above the disk over the picture's; lines that do not fit are
-# left out
-_MOST = 0.34
-# width of the bar over that of the picture, and the least one
-_BAR_WIDTH = 0.34
+_MOST_BESIDE = 0.5  # largest width of changing words over the picture's
+_BAR_WIDTH = 0.34  # of the bar of colours over the picture's, and the least one
 _MIN_BAR_WIDTH = 0.08
 _ARROW = 0.1  # largest length of the scale's arrow over the height of the picture
 _GAP = 0.5  # least distance of two words, in units of the size of their letters
-
-
-# ---- letters
-
-
-@lru_cache(maxsize=32)
-def _font(size: float, bold: bool) -> ImageFont.FreeTypeFont:
-    # finds the font without importing Matplotlib, which takes 0.3 s
-    spec = find_spec("matplotlib")
-    assert spec and spec.origin
-    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
-    path = Path(spec.origin).with_name("mpl-data") / "fonts/ttf" / name
-    return ImageFont.truetype(path, size, layout_engine=ImageFont.Layout.BASIC)
-
-
-class Face(NamedTuple):
-    """Size [px], colour and weight of letters."""
-
-    size: float
-    ink: Ink
-    bold: bool = False
-
-    @property
-    def font(self) -> ImageFont.FreeTypeFont:
-        return _font(self.size, self.bold)
-
-    def width(self, text: str) -> float:
-        return self.font.getlength(text)
-
-
-class Line(NamedTuple):
-    """A line of text with its baseline. The fraction `part` of its width lies at the
-    left of `x`."""
-
-    text: str
-    face: Face
-    x: float
-    baseline: float
-    part: float = 0.0
-
-    @property
-    def left(self) -> float:
-        return self.x - self.part * self.face.width(self.text)
-
-    @property
-    def box(self) -> Box:
-        size = self.face.size
-        right = self.left + self.face.width(self.text)
-        return self.left, right, self.baseline - 0.8 * size, self.baseline + 0.25 * size
-
-    def draw(self, draw: Any, left: float, top: float) -> None:
-        """Draw the text into the part of a picture that begins at `left` and `top`
-        [px]."""
-        draw.text(
-            (self.left + left, self.baseline + top),
-            self.text,
-            fill=self.face.ink,
-            font=self.face.font,
-            anchor="ls",
-        )
-
-
-class Letters:
-    """The letters of a picture of `height` [px], larger by the user's `factor`.
-
-    Attributes:
-        unit: 1 in a picture of 720 pixels.
-        margin: distance of words to the sides of the picture [px].
-        footer: height of the scales [px]; 0 in a picture without room for words.
-        heading, motion, text, faint, small: faces of the words.
-    """
-
-    def __init__(self, height: int, factor: float = 1.0, theme: str = "light") -> None:
-        colours = THEMES[theme]
-        self.height = height
-        self.unit = height / 720
-        self.margin = max(_MARGIN * self.unit, 7.0)
-        self._factor = factor
-        self.heading = Face(self.size(_HEADING), ink(colours.ink), bold=True)
-        self.motion = Face(self.size(_HEADING), ink(colours.velocity), bold=True)
-        self.text = Face(self.size(_TEXT), ink(colours.ink))
-        self.faint = Face(self.size(_TEXT), ink(colours.faint))
-        self.small = Face(self.size(_SMALL), ink(colours.ink))
-        self.has_words = height >= _LABELLED
-        self.footer = 0
-        if self.has_words:
-            bar = (_BAR_BELOW + _BAR_HEIGHT) * self.unit
-            self.footer = _even(bar + 3.9 * self.small.size)
-
-    def size(self, size: float) -> float:
-        return max(size * self.unit * self._factor, LEAST)
-
-    def stacked(
-        self, words: Sequence[tuple[str, Face]], x: float, part: float = 0.0
-    ) -> list[Line]:
-        """Return lines one below the other, beginning at the top of the picture."""
-        lines: list[Line] = []
-        _, first = words[0]
-        baseline = self.margin + 0.85 * max(self.heading.size, first.size)
-        for text, face in words:
-            if lines:
-                baseline += _LEADING * max(face.size, lines[-1].face.size)
-            lines.append(Line(text, face, x, baseline, part))
-        return lines
 
 
 # ---- words above
@@ -169,6 +55,26 @@ def caption_lines(letters: Letters, caption: Caption, width: int) -> list[Line]:
     return letters.stacked(words, width - letters.margin, part=1.0)
 
 
+def samples(captions: Sequence[Caption]) -> list[Caption]:
+    """Return the first and the last caption, and one of each kind."""
+    kinds = {(one.note, one.result): one for one in captions}
+    middle = captions[len(captions) // 2]
+    return [captions[0], middle, captions[-1], *kinds.values()]
+
+
+def fitting_letters(
+    letters: Letters, words: Sequence[Sequence[Caption]], width: int
+) -> Letters:
+    """Return letters whose changing words leave room for others in pictures of `width`
+    [px]. `words`: captions of each disk."""
+    most = 1.0
+    for captions in words:
+        for one in samples(captions):
+            for line in caption_lines(letters, one, width):
+                most = min(most, _MOST_BESIDE * width / (line.x - line.left))
+    return letters.smaller(most)
+
+
 @dataclass(frozen=True)
 class Legend:
     """The words of one disk's picture: lines that do not change, boxes of all words
@@ -179,71 +85,75 @@ class Legend:
     header: int = 0
 
 
+@dataclass(frozen=True)
+class Title:
+    """Constant words of one disk's picture: heading, parameters in the order of their
+    importance, and remarks. `enlarged`: factor for the size of the heading."""
+
+    heading: str
+    parameters: Sequence[str] = ()
+    remarks: Sequence[str] = ()
+    enlarged: float = 1.0
+
+
 def legend(
     letters: Letters,
     width: int,
-    title: Sequence[str],
-    remarks: Sequence[str],
-    samples: Sequence[Caption],
-    is_band: bool = False,
-    enlarged: float = 1.0,
+    title: Title,
+    captions: Sequence[Caption],
+    is_band: bool,
+    count: int,
 ) -> Legend:
     """Set the words of a picture of `width` [px] in its corners, or in a band above the
-    disk. Words that do not fit at 11 pixels are left out.
-
-    Args:
-        title, remarks: constant lines.
-        samples: captions, the longest among them.
-        enlarged: factor for the size of the title's first line.
-    """
+    disk. `count`: number of parameters that are shown."""
     if not letters.has_words:
         return Legend()
-    changing = [line for one in samples for line in caption_lines(letters, one, width)]
+    changing: list[Line] = []
+    for one in samples(captions):
+        changing += caption_lines(letters, one, width)
     column = max(line.x - line.left for line in changing)
-    room = width - column - 2.0 * letters.margin
-    first, *others = title
-    parts = "    ".join(others).split("    ")
+    room = width - column - 3.0 * letters.margin
+    widest = max(map(letters.heading.width, title.heading.split()))
+    size = letters.heading.size * min(title.enlarged, room / widest)
+    heading = letters.heading._replace(size=max(size, LEAST))
+    words = _wrapped(title.heading.split(), " ", heading, room)
+    parts = list(title.parameters[:count])
     if is_band:
-        parts = ["    ".join([*parts, *remarks])]
-    heading = letters.heading._replace(size=enlarged * letters.heading.size)
-    words = _wrapped(first, heading, room)
-    for part in parts:
-        words += _wrapped(part, letters.faint, room)
+        words += _wrapped([*parts, *title.remarks], "    ", letters.faint, room)
+    else:
+        words += [(part, letters.faint) for part in parts]
     lines = letters.stacked(words, letters.margin)
-    above = [line for line in lines if line.face.bold]
-    if is_band:
-        lines = [line for line in lines if line.baseline < _MOST * letters.height]
-        above = [*lines, *changing]
-    elif remarks:
-        face = letters.small._replace(ink=letters.faint.ink)
-        baseline = letters.height - letters.footer - 0.85 * face.size
-        lines.append(Line("    ".join(remarks), face, letters.margin, baseline))
+    lines = [line for line in lines if line.face.width(line.text) <= room]
+    above = [*lines, *changing]
+    if not is_band:
+        above = [line for line in lines if line.face.bold]
+        if title.remarks:
+            face = letters.small._replace(ink=letters.faint.ink)
+            baseline = letters.height - letters.footer - 0.85 * face.size
+            text = "    ".join(title.remarks)
+            lines.append(Line(text, face, letters.margin, baseline))
     lowest = max(line.baseline for line in above)
-    header = _even(lowest + 0.6 * letters.text.size)
+    header = even(lowest + 0.6 * letters.text.size)
     return Legend(lines, [line.box for line in [*lines, *changing]], header)
 
 
-def _wrapped(line: str, face: Face, room: float) -> list[tuple[str, Face]]:
-    """Break a line of parts, which four spaces separate, where it exceeds `room` [px];
-    between words only if a part is too long."""
-    lines = [""]
-    for part in line.split("    "):
-        words = [part]
-        if face.width(part) > room:
-            words = part.split(" ")
-        gap = "    "
-        for word in words:
-            longer = f"{lines[-1]}{gap}{word}" if lines[-1] else word
-            if lines[-1] and face.width(longer) > room:
-                lines.append(word)
-            else:
-                lines[-1] = longer
-            gap = " "
-    return [(text, face) for text in lines]
-
-
-def _even(pixels: float) -> int:
-    return 2 * math.ceil(pixels / 2)
+def _wrapped(
+    parts: Sequence[str], gap: str, face: Face, room: float
+) -> list[tuple[str, Face]]:
+    """Join parts into lines that are not wider than `room` [px]. A part that is too
+    wide is broken between its words."""
+    lines: list[tuple[str, Face]] = []
+    for part in parts:
+        longer = part
+        if lines:
+            longer = f"{lines[-1][0]}{gap}{part}"
+        if lines and face.width(longer) <= room:
+            lines[-1] = longer, face
+        elif gap != " " and face.width(part) > room:
+            lines += _wrapped(part.split(), " ", face, room)
+        else:
+            lines.append((part, face))
+    return lines
 
 
 # ---- scales below
@@ -295,14 +205,13 @@ class Scales:
         self._painter = painter
         self._width = width
         self._letters = letters
-        self._top = round(_BAR_BELOW * letters.unit)
-        self._bar_height = max(round(_BAR_HEIGHT * letters.unit), 6)
+        self._top = round(BAR_BELOW * letters.unit)
+        self._bar_height = max(round(BAR_HEIGHT * letters.unit), 6)
         size = letters.small.size
         self._numbers_row = self._top + self._bar_height + 1.35 * size
         self._words_row = self._numbers_row + 1.55 * size
         self._tip = letters.margin  # column of the tip of the arrow [px]
         self.lines: list[Line] = []
-        self._taken: list[Box] = []
         widest = max([letters.small.width(lines[0]) for lines in paces if lines] or [0])
         beside = letters.margin + widest + 2.5 * size
         room = min(_BAR_WIDTH * width, width - 2.0 * beside)
@@ -315,17 +224,18 @@ class Scales:
 
     # ---- words
 
-    def _line(self, text: str, x: float, row: float, part: float = 0.0) -> list[Line]:
+    def _line(self, text: str, x: float, row: float, part: float) -> list[Line]:
         """Return the line if its place is free, else nothing."""
         line = Line(text, self._letters.small, x, row, part)
-        left, right, top, bottom = line.box
+        left, right, _, _ = line.box
         margin = 0.5 * self._letters.margin
         gap = _GAP * line.face.size
         if left < margin or right > self._width - margin:
             return []
-        for first, last, upper, lower in self._taken:
+        for other in self.lines:
+            first, last, _, _ = other.box
             is_beside = right + gap < first or last + gap < left
-            if not is_beside and top < lower and upper < bottom:
+            if other.baseline == row and not is_beside:
                 return []
         return [line]
 
@@ -333,7 +243,6 @@ class Scales:
         """Add a text if its place is free, and return whether it is."""
         found = self._line(text, x, row, part)
         self.lines += found
-        self._taken += [line.box for line in found]
         return bool(found)
 
     def _add_colours(self) -> None:
@@ -371,12 +280,13 @@ class Scales:
             self._add("force on a point", margin, self._words_row)
 
     def _add_ends(self) -> None:
-        """Name the ends of the bar."""
+        """Name the ends of the bar, if there is room beside the arrow."""
         quantity = QUANTITIES[self._painter.colour]
         size = self._letters.small.size
         row = self._top + self._bar_height / 2 + 0.35 * size
-        self._taken.append((0.0, self._tip, 0.0, self._numbers_row))
-        self._add(quantity.low, self._left - 0.6 * size, row, part=1.0)
+        left = self._left - 0.6 * size
+        if left - self._letters.small.width(quantity.low) > self._tip + size:
+            self._add(quantity.low, left, row, part=1.0)
         self._add(quantity.high, self._left + self._bar_width + 0.6 * size, row)
 
     def pace_lines(self, pace: Sequence[str]) -> list[Line]:

@@ -76,17 +76,18 @@ def film(
         return pictures.prepare_film(path, runs, video, progress, span, labels, artist)
     check_runs(runs, labels)
     points = max(len(run.scenario.lattice.positions) for run in runs)
-    wanted = round(video.fps * video.seconds)
+    _, fps = video.size_and_rate("html")
+    wanted = round(fps * video.seconds)
     frames = min(wanted, max(_STATES // points, _FEWEST))
     flights = [Flight.of(run, video.flight) for run in runs]
-    shots = cues(runs, common_span(flights), frames, video.fps, span)
+    shots = cues(runs, common_span(flights), frames, fps, span)
     progress("render", 0, len(runs))
 
     def write() -> None:
         times = [cue.t for cue in shots]
         states = [Recording(one, times, list(QUANTITIES)) for one in flights]
         names = titles(runs, labels)
-        rate = video.fps * frames / max(wanted, 1)  # cues in a second
+        rate = fps * frames / max(wanted, 1)  # cues in a second
         packed = _packed(states, shots, video, names, rate, progress)
         text = Template(source("film.html")).substitute(
             title=escape(" | ".join(title[0] for title in names)),

@@ -203,7 +203,7 @@ def test_the_disk_in_the_film_moves_as_its_centre_of_mass_does(
     run, tmp_path, captions, monkeypatch
 ):
     # without words and scales, so that everything above the wall is the disk
-    monkeypatch.setattr("taichi_disk.render.words._LABELLED", 1000)
+    monkeypatch.setattr("taichi_disk.render.letters._LABELLED", 1000)
     film(
         tmp_path / "film.mp4",
         [run],

@@ -258,8 +258,8 @@ impact: {velocity: 0, pressure: 1}
             " turn, gap, max_time, offset"
         ),
         (
-            "--set video.fps=0: video.fps: must be a whole number from 1 to 120 [1/s],"
-            " not 0 (frames per second)"
+            "--set video.fps=0: video.fps: must be auto or a whole number from 1 to 120"
+            " [1/s], not 0 (frames per second; auto: 30, of a GIF 15)"
         ),
         (
             "--set time.dt: must be KEY=VALUE without spaces around =, for example"

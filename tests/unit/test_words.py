@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,13 +12,17 @@ from PIL import Image, ImageDraw
 
 from taichi_disk.lattice import disk_lattice
 from taichi_disk.physics import Springs
+from taichi_disk.render import letters as fonts
+from taichi_disk.render.letters import LEAST, Letters, lacking
 from taichi_disk.render.moments import Caption
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.pictures import Disk, arranged
 from taichi_disk.render.words import (
-    LEAST,
-    Letters,
+    Legend,
     Scales,
+    Title,
+    caption_lines,
+    fitting_letters,
     label,
     legend,
     round_below,
@@ -51,83 +56,120 @@ def test_the_arrow_of_the_scale_stands_for_a_round_force(value):
     assert f"{below:.6e}"[:8] in ("1.000000", "2.000000", "5.000000")
 
 
-def still(painter, size=720):
-    """Return the constant words of a picture, and its scales."""
-    letters = Letters(size)
-    block = legend(
-        letters, size, ("A", "B"), painter.remarks, [Caption(0.0, lines=("t",))]
-    )
-    image = Image.new("RGBA", (size, size), "white")
-    for line in block.lines:
-        line.draw(ImageDraw.Draw(image), 0.0, 0.0)
-    below = np.zeros((letters.footer, size, 4), np.uint8)
-    picture = Image.fromarray(below)
-    draw = ImageDraw.Draw(picture)
-    Scales(painter, size, letters, 250.0 * size / 720).draw(below, picture, draw)
-    return np.asarray(image), below[..., :3]
+TITLE = Title(
+    "Impact on an elastic wall",
+    ("v = 0.1 c", "η* = 0", "a = 300/R", "N = 1,099", "reset every 0.003 R/c"),
+)
+FLIGHT = Caption(t=-14.12, lines=("before t = 0", "−0.78 v"))
+PEAK = Caption(2.05, "greatest compression", (), ("t = 2.05 R/c", "0.00 v"))
+END = Caption(t=4.35, lines=("t = 4.35 R/c", "+0.93 v"), result="e = 0.9672")
+CAPTIONS = [FLIGHT, PEAK, END]
 
 
-# ---- text
+def overlap(one, other):
+    """Return whether two boxes share more than the margin of letters."""
+    is_beside = one[1] <= other[0] or other[1] <= one[0]
+    return not (is_beside or one[3] <= other[2] + 3.0 or other[3] <= one[2] + 3.0)
 
 
 @pytest.mark.parametrize("is_band", [False, True])
-@pytest.mark.parametrize("size", [64, 200, 240, 360, 720, 1080])
-def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, is_band):
-    caption = Caption(
-        t=-14.12,
-        lines=("t = −14.12 R/c", "−0.78 v"),
-        note="greatest compression",
-        result="e = 0.9672",
-    )
-    title = (
-        "Impact on an elastic wall",
-        "v = 0.1 c    η* = 0    a = 300/R",
-        "N = 1,099    seed 0    reset every 0.003 R/c",
-    )
-    letters = Letters(size)
-    block = legend(letters, size, title, [], [caption], is_band)
-    boxes = block.boxes
-    header = block.header
-    below = letters.footer
+@pytest.mark.parametrize(
+    ("size", "factor"),
+    [(64, 1.0), (240, 1.0), (360, 1.0), (360, 2.0), (480, 1.5), (720, 1.0)],
+)
+def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(
+    size, factor, is_band
+):
+    letters = fitting_letters(Letters(size, factor), [CAPTIONS], size)
+    block = legend(letters, size, TITLE, CAPTIONS, is_band, 3)
     if size < 240:
-        assert not boxes
-        assert not header
-        assert not below
+        assert block == Legend()
+        assert letters.footer == 0
         return
-    assert len(boxes) > 6
-    for k, (left, right, top, bottom) in enumerate(boxes):
-        assert left >= 0.0
-        assert right <= size
-        assert top >= 0.0
-        assert bottom <= size - below
-        for other in boxes[k + 1 :]:
-            is_beside = right <= other[0] or other[1] <= left
-            assert is_beside or bottom <= other[2] + 3.0 or other[3] <= top + 3.0
-    assert letters.small.size >= LEAST
-    room = size - header - below
-    assert room > 0.4 * size  # the disk is still visible
+    assert min(line.face.size for line in block.lines) >= LEAST
+    # of each picture
+    for caption in CAPTIONS:
+        changing = [line.box for line in caption_lines(letters, caption, size)]
+        boxes = [line.box for line in block.lines] + changing
+        for k, box in enumerate(boxes):
+            assert box[0] >= 0.0
+            assert box[1] <= size
+            assert box[2] >= 0.0
+            assert not any(overlap(box, other) for other in boxes[k + 1 :])
+    # A word and a number in the same row are apart.
+    left = max(line.box[1] for line in block.lines)
+    right = min(line.box[0] for line in caption_lines(letters, END, size))
+    assert right - left > 0.4 * letters.text.size
+
+
+def disks(count, parameters=TITLE.parameters, **changes):
+    title = Title("η* = 100", parameters, enlarged=1.5)
+    made = painter(**changes)
+    outer = [made.lattice.positions]
+    return [Disk(made, title, CAPTIONS, outer) for _ in range(count)]
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.5, 2.0, 3.0])
+def test_parameters_that_do_not_fit_are_left_out_of_all_pictures_by_rank(factor):
+    left, right = disks(2)
+    right = replace(right, title=replace(right.title, heading="a much longer label"))
+    letters = fitting_letters(Letters(720, factor), [CAPTIONS], 640)
+    camera, legends = arranged([left, right], 640, letters, (-1.1, 1.1, 0.0, 2.4))
+    shown = []
+    for one in legends:
+        text = "    ".join(line.text for line in one.lines)
+        found = [each in text for each in TITLE.parameters]
+        assert found == sorted(found, reverse=True)  # the first ones
+        shown.append(found)
+    assert shown[0] == shown[1]
+    if factor == 1.0:
+        assert all(shown[0])
+    else:
+        assert not all(shown[0])
+    _, top = camera.to_pixels((0.0, 2.4))
+    header = max(one.header for one in legends)
+    assert header - 1.0 <= top
+    assert header < 0.6 * 720
 
 
 @pytest.mark.parametrize("is_elastic", [True, False])
 def test_words_stand_above_an_elastic_wall_however_large_they_are(is_elastic):
-    above = painter()
+    (disk,) = disks(1)
     if is_elastic:
         ends = np.array([0, 1], dtype=np.int32)
-        above.lattice = replace(above.lattice, wall_surface=ends)
+        lattice = replace(disk.painter.lattice, wall_surface=ends)
+        disk = replace(disk, painter=replace(disk.painter, lattice=lattice))
+    disk = replace(disk, title=replace(disk.title, remarks=("displacements × 2",)))
     letters = Letters(720, 1.5)
-    title = ("Impact", "v = 0.1 c    η* = 0    a = 300/R    N = 1,099    seed 0")
-    disk = Disk(
-        above, title, [Caption(1.0, lines=("t = 1.00 R/c",))], [above.lattice.positions]
-    )
     camera, (block,) = arranged([disk], 720, letters, (-3.0, 3.0, -4.0, 2.4))
     _, wall = camera.to_pixels((0.0, 0.0))
     _, _, _, bottoms = np.array(block.boxes).T
     assert (bottoms.max() < wall) == is_elastic
 
 
-def test_words_of_a_hall_are_larger_by_the_user_s_factor():
+def test_letters_of_a_hall_are_larger_by_the_user_s_factor():
     assert Letters(720, 1.5).small.size == 1.5 * Letters(720).small.size
     assert Letters(720, 1.5).footer > Letters(720).footer
+
+
+def test_letters_that_the_font_lacks_come_from_a_font_of_the_system(monkeypatch):
+    from matplotlib import font_manager
+
+    fonts._font_file.cache_clear()
+    monkeypatch.setattr(font_manager, "findSystemFonts", list)
+    assert lacking("η* = 100, ξ, Mc²/R, −5") == ""
+    assert lacking("盤 a 盤") == "盤盤"
+    own = fonts._font_file("a", False)
+    fonts._font_file.cache_clear()
+    asked = Path("/nowhere/all.ttf")
+    monkeypatch.setattr(font_manager, "findSystemFonts", lambda: [str(asked)])
+    has = fonts._has
+    monkeypatch.setattr(
+        fonts, "_has", lambda path, letter: path == asked or has(path, letter)
+    )
+    assert fonts._font_file("盤", False) == asked
+    assert fonts._font_file("η* = 5", False) == own
+    fonts._font_file.cache_clear()
 
 
 @pytest.mark.parametrize("colour", ["pressure", "shear"])
@@ -161,5 +203,9 @@ def test_the_colour_bar_shows_the_map(colour):
     bar = np.rint(255 * coloured_painter.colours(np.linspace(0.0, 1.0, 245))).astype(
         np.uint8
     )
-    _, below = still(coloured_painter)
-    assert any(np.array_equal(row[237:482], bar) for row in below)
+    letters = Letters(720)
+    below = np.zeros((letters.footer, 720, 4), np.uint8)
+    picture = Image.fromarray(below)
+    scales = Scales(coloured_painter, 720, letters, 250.0)
+    scales.draw(below, picture, ImageDraw.Draw(picture))
+    assert any(np.array_equal(row[237:482, :3], bar) for row in below)
