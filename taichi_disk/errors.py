@@ -8,6 +8,7 @@ import logging
 import os
 import sys
 from collections.abc import Iterable
+from importlib.util import find_spec
 from typing import Any
 
 # The command line prints all notices. Python prints warnings to stderr, and the others
@@ -38,8 +39,11 @@ class NoPictures(TaichiDiskError):
 
 def pip_install(what: str) -> str:
     """Return the command that installs `what`, in quotes, into the environment that
-    runs this program."""
-    return f"{sys.executable or 'python'} -m pip install '{what}'"
+    runs this program: by uv if that environment has no pip, as uv makes it."""
+    python = sys.executable or "python"
+    if find_spec("pip") is None:
+        return f"uv pip install --python {python} '{what}'"
+    return f"{python} -m pip install '{what}'"
 
 
 def install_extra(name: str) -> str:

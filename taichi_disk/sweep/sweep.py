@@ -338,6 +338,11 @@ def _only_writer(out: Path) -> Iterator[None]:
             f"{out}: another sweep is writing to this folder: wait until it ends, or"
             " choose another folder"
         ) from None
+    except (OSError, NotImplementedError) as error:
+        NOTICES.info(
+            f"{out}: no lock is possible here ({reason(error)}): let no other sweep"
+            " write to this folder at the same time"
+        )
     try:
         yield
     finally:

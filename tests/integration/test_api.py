@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import os
 import pickle
@@ -739,3 +740,11 @@ def test_messages_in_python_name_arguments(result, tmp_path, monkeypatch):
         with pytest.raises(InputError, match=message) as refusal:
             act()
         assert "--" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    "function", [run, run_sweep, Result.load, Result.film, Result.export, Result.save]
+)
+def test_defaults_can_be_pickled_as_caches_of_functions_do(function):
+    for parameter in inspect.signature(function).parameters.values():
+        assert pickle.loads(pickle.dumps(parameter.default)) == parameter.default

@@ -4,6 +4,7 @@ order and of the executor."""
 from __future__ import annotations
 
 import csv
+import errno
 import io
 import json
 import shutil
@@ -20,6 +21,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from filelock import FileLock
 
 from taichi_disk import Lattice, engine, load_scene, load_sweep, run, run_sweep
 from taichi_disk.cli import main
@@ -446,6 +448,22 @@ def test_a_second_table_in_a_folder_in_use_is_refused_and_parts_are_not(
     assert len(table(out).splitlines()) == 3
     assert [path.name for path in (out / "points").glob(".*")] == [".lock"]
     assert swept(other, out).summary["computed_now"] == 0
+
+
+@pytest.mark.parametrize("code", [errno.ENOLCK, errno.EOPNOTSUPP])
+def test_a_sweep_goes_on_without_a_lock_where_there_are_none(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    notices: pytest.LogCaptureFixture,
+    code: int,
+) -> None:
+    def refuse(self: FileLock) -> None:
+        raise OSError(code, "No locks available")
+
+    monkeypatch.setattr(FileLock, "_acquire", refuse)
+    assert not swept(ONE + "sweep: {velocity: [0.01]}", tmp_path).failed
+    text = f"{tmp_path}: no lock is possible here (No locks available): let no other"
+    assert any(text in message for message in notices.messages)
 
 
 def test_one_lattice_has_no_scatter(small: SweepResult, tmp_path: Path) -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import sys
 
 import pytest
 
+from taichi_disk import errors
 from taichi_disk.cli import main
-from taichi_disk.errors import reason, system_message
+from taichi_disk.errors import install_extra, reason, system_message
 
 
 def caught(function, *arguments):
@@ -42,3 +44,17 @@ def test_a_deleted_working_folder_is_named(tmp_path, monkeypatch, capsys, comman
     if command != "check":
         assert "the working folder has been deleted: change to another one" in error
     os.chdir(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("pip", "command"), [("pip", "/p -m pip install"), (None, "uv pip install")]
+)
+def test_a_missing_extra_is_installed_by_a_command_that_is_there(
+    monkeypatch, pip, command
+):
+    monkeypatch.setattr(sys, "executable", "/p")
+    monkeypatch.setattr(errors, "find_spec", {"pip": pip}.get)
+    advice = install_extra("export")
+    assert advice.startswith(command)
+    assert "/p" in advice
+    assert advice.endswith("'.[export]', in the folder of its source")
