@@ -4,9 +4,7 @@ the notebooks of docs."""
 from __future__ import annotations
 
 import asyncio
-import base64
 import builtins
-import json
 import re
 import socket
 import subprocess
@@ -156,60 +154,6 @@ def test_a_message_that_another_thread_delivers_is_obeyed_at_once() -> None:
         sent.clear()
         # nothing but the message wakes up the loop
         await asyncio.to_thread(press_and_wait)
-
-    played(SETTINGS, act)
-
-
-@pytest.mark.validate
-@pytest.mark.skipif(bool(MISSING), reason=MISSING)
-def test_the_widget_s_module_shows_the_sandbox_in_a_browser(tmp_path: Path) -> None:
-    async def act(sandbox: Any, say: Callable[..., None], sent: list[Any]) -> None:
-        await until(lambda: any(isinstance(one, bytes) for one in sent))
-        # A page that does what a notebook's front end does with the module: it loads
-        # it, and hands messages on.
-        messages = [
-            one if isinstance(one, str) else {"bytes": base64.b64encode(one).decode()}
-            for one in sent
-        ]
-        module = base64.b64encode(sandbox._esm.encode()).decode()
-        (tmp_path / "cell.html").write_text(
-            f"""<body style="margin: 0"><div id="cell"></div><script type="module">
-            const code = (letter) => letter.charCodeAt(0);
-            const bytes = (text) => Uint8Array.from(atob(text), code);
-            const type = "text/javascript";
-            const blob = new Blob([bytes("{module}")], {{ type }});
-            const module = URL.createObjectURL(blob);
-            const widget = (await import(module)).default, said = window.said = [];
-            let hear;
-            const send = (message) => said.push(message);
-            const on = (_, act) => (hear = act);
-            const model = {{ get: () => 700, send, on, off() {{}} }};
-            widget.render({{ model, el: document.getElementById("cell") }});
-            for (const one of {json.dumps(messages)}) {{
-              const to = said[0].visitor;
-              if (typeof one === "string") hear({{ to, text: one }}, []);
-              else hear({{ to }}, [new DataView(bytes(one.bytes).buffer)]);
-            }}
-            </script>""",
-            encoding="utf-8",
-        )
-        browser = Browser((800, 720))
-        try:
-            browser.driver.get(f"file://{tmp_path}/cell.html")
-            browser.wait(
-                lambda: browser.script(
-                    "return window.said?.some((one) => one.do === 'seen')"
-                )
-            )
-            inside = "document.getElementById('cell').shadowRoot.getElementById"
-            assert browser.script(f"return {inside}('drop').textContent") == "Throw"
-            browser.script(f"{inside}('drop').click()")
-            assert (
-                browser.script("return window.said.at(-1).key") == "space"
-                and browser.errors() == []
-            )
-        finally:
-            browser.driver.quit()
 
     played(SETTINGS, act)
 
