@@ -401,9 +401,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     add("folder", type=_path, metavar="DIR", help="folder of the run")
     what = "up to three more runs, shown at the right; titles name the keys that differ"
-    add("--compare", type=_path, nargs="+", default=[], metavar="DIR", help=what)
+    several = {"nargs": "+", "action": "extend", "default": []}  # words, or repeated
+    add("--compare", type=_path, metavar="DIR", help=what, **several)
     what = "titles of the runs, in place of the keys that differ: one for each run"
-    add("--label", nargs="+", default=[], metavar="TEXT", help=what)
+    add("--label", metavar="TEXT", help=what, **several)
     what = (
         ".mp4, .webm or .gif; .html: page that plays the film without internet; .png:"
         " one picture; no suffix: folder"

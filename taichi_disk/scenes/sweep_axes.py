@@ -117,6 +117,11 @@ def _axes(
                 f"no key of scene: {tree.value['scene']} that can be swept{hint}",
             )
             continue
+        given = tree.entries.get(target)
+        is_override = mark.rank > 0
+        if given and is_override and given.key.rank == 0:
+            # An option replaces what the file says, as for single values.
+            tree.remove(target)
         if target in tree.entries or target in taken:
             other = taken.get(target, "the scene")
             tree.fault(

@@ -371,6 +371,14 @@ def test_a_scene_may_come_through_a_pipe(tmp_path):
     assert f"{tmp_path}/a.csv" in done.stdout
 
 
+def test_labels_may_be_words_of_one_option_or_options_of_their_own(monkeypatch):
+    received = []
+    monkeypatch.setattr("taichi_disk.cli._render", received.append)
+    for text in ("--label one two", "--label one --label two"):
+        main(["render", "a", "--compare", "b", *text.split()])
+    assert [one.label for one in received] == [["one", "two"], ["one", "two"]]
+
+
 def test_a_folder_of_that_name_hides_no_shipped_scene(tmp_path, monkeypatch, capsys):
     (tmp_path / "exponential_wall").mkdir()
     monkeypatch.chdir(tmp_path)

@@ -108,6 +108,17 @@ def test_axes_can_be_set_from_the_command_line() -> None:
     assert [scene.lattice.points for scene in sweep.scenes] == [500, 500]
 
 
+def test_an_axis_of_an_option_replaces_the_value_of_the_file_but_not_of_an_option() -> (
+    None
+):
+    scene = "scene: exponential_wall\nimpact: {velocity: 0.5}\n"
+    axis = "sweep.velocity=[0.1, 0.2]"
+    found = [one.impact.velocity for one in load_sweep(scene, [axis]).scenes]
+    assert found == [0.1, 0.2]
+    with pytest.raises(InputError, match="also given by the scene"):
+        load_sweep(scene, [axis, "impact.velocity=0.3"])
+
+
 def test_an_override_sets_the_axis_in_every_section() -> None:
     text = (
         IMPACT + "sweep:\n  - {seed: [1, 2], eta_star: [3]}\n  - {velocity: [0.01]}\n"
