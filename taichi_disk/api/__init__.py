@@ -437,12 +437,8 @@ class Result(Outcome):
             work = Work(self.scene, own.disk, own.velocities)
             work.write_start(folder.path, self.scenario)
             with drawing_process(video) as artist:
-                work.write(
-                    folder,
-                    replace(self, summary=dict(self.summary)),
-                    video,
-                    artist,
-                )
+                copy = replace(self, summary=dict(self.summary))
+                work.write(folder, copy, artist, video)
         if folder.failure:
             raise SimulationError(folder.failure)
         return folder.out
@@ -584,9 +580,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
             scenario = work.build(threads)
             work.write_start(folder.path, scenario)
             outcome = work.solve(scenario, **options)
-            if export:
-                work.export(outcome, folder.path, export)
-            work.write(folder, outcome, video, artist)
+            work.write(folder, outcome, artist, video, export)
     if folder.failure:
         outcome.summary.update(status="failed", reason=folder.failure)
     # without room for anything there is no folder

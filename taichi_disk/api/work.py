@@ -160,18 +160,6 @@ class Work:
             if status == "interrupted" or not is_computed:
                 raise
 
-    def export(self, outcome: Outcome, path: Path, format: str) -> None:
-        """Write a trajectory into the folder `path`, or the reason why there is none
-        into the summary."""
-        from taichi_disk.output.export import export_run
-
-        times = np.linspace(0.0, outcome.series["t"][-1], FRAMES)
-        try:
-            export_run(outcome.scenario, outcome.replay(times), path, format)
-        except Exception as error:
-            self.summary["export_error"] = str(error) or repr(error)
-        self.lap("export")
-
     def write_start(self, path: Path, scenario: Scenario) -> None:
         lattice = scenario.lattice
         files.write_lattice(
@@ -183,13 +171,16 @@ class Work:
         )
 
     def write(
-        self, folder: RunFolder, outcome: Outcome, video: bool, artist: Artist
+        self,
+        folder: RunFolder,
+        outcome: Outcome,
+        artist: Artist,
+        video: bool,
+        export: str | None = None,
     ) -> None:
-        """Write the files of a run: results, then pictures, and summary.json first and
-        last, which says why a picture is missing.
-
-        `artist` draws curves.
-        """
+        """Write the files of a run: results, then trajectory, film and curves, which
+        `artist` draws, and summary.json first and last, which says what is missing.
+        The failure of one takes no other along."""
         path = folder.path
         summary = outcome.summary
         scenario = outcome.scenario
@@ -207,58 +198,57 @@ class Work:
         }
         files.write_arrays(path / "final.npz", **end)
         self.lap("write")
-        make_film = None
-        if video:
-            make_film = self._begin_film(path, outcome, artist)
         quoted = headline(summary, scenario.words.labels)
         shown = plot_scene(scenario, outcome.series, quoted)
         finish_plot = begin_plot(artist, path / "plot.png", shown)
-        if make_film:
-            self._film(make_film, path, outcome)
-            self.lap("film")
-        try:
-            finish_plot()
-        except Exception as error:
-            summary["warnings"] = [
-                *summary["warnings"],
-                f"there is no plot.png: {error!s}",
-            ]
-        self.lap("plot")
+        reporters: dict[str, Callable[[], Any]] = {}
+        if export:
+            reporters["export"] = partial(_export, path, outcome, export)
+        if video:
+            reporters["film"] = partial(_film, path, outcome, artist, self.progress)
+        reporters["plot"] = finish_plot
+        for stage, write in reporters.items():
+            try:
+                write()
+            except Exception as error:
+                _note_failure(summary, stage, str(error) or repr(error))
+            self.lap(stage)
         summary["video"] = folder.take_over()
         files.write_summary(path / "summary.json", summary)
 
-    def _begin_film(
-        self, path: Path, outcome: Outcome, artist: Artist
-    ) -> Callable[[], None]:
-        """Return a function that makes the film; a failure is its failure."""
-        from taichi_disk.web.film import film
 
-        section = outcome.scenario.scene.video
-        name = "frames" if section.format == "png" else f"video.{section.format}"
-        try:
-            return film(path / name, [outcome], section, self.progress, artist=artist)
-        except Exception as error:
-            return partial(_fail, error)
+def _export(path: Path, outcome: Outcome, format: str) -> None:
+    from taichi_disk.output.export import export_run
 
-    def _film(self, make: Callable[[], None], path: Path, outcome: Outcome) -> None:
-        """Make the film, or a page that plays it where this machine cannot draw
-        pictures."""
-        from taichi_disk.web.film import film
-
-        summary = outcome.summary
-        section = outcome.scenario.scene.video
-        try:
-            try:
-                make()
-            except NoPictures as error:
-                film(path / "video.html", [outcome], section, self.progress)()
-                note = (
-                    f"the film is video.html, a page for any browser, because {error}"
-                )
-                summary["notes"] = [*summary.get("notes", []), note]
-        except Exception as error:
-            summary["video_error"] = str(error) or repr(error)
+    times = np.linspace(0.0, outcome.series["t"][-1], FRAMES)
+    export_run(outcome.scenario, outcome.replay(times), path, format)
 
 
-def _fail(error: Exception) -> None:
-    raise error
+def _film(path: Path, outcome: Outcome, artist: Artist, progress: Progress) -> None:
+    """Make the film, or a page that plays it where this machine cannot draw
+    pictures."""
+    from taichi_disk.web.film import film
+
+    section = outcome.scenario.scene.video
+    name = f"video.{section.format}"
+    if section.format == "png":
+        name = "frames"
+    try:
+        film(path / name, [outcome], section, progress, artist=artist)()
+    except NoPictures as error:
+        film(path / "video.html", [outcome], section, progress)()
+        text = f"the film is video.html, a page for any browser, because {error}"
+        _add(outcome.summary, "notes", text)
+
+
+def _note_failure(summary: dict[str, Any], stage: str, text: str) -> None:
+    if stage == "export":
+        summary["export_error"] = text
+    elif stage == "film":
+        summary["video_error"] = text
+    else:
+        _add(summary, "warnings", f"there is no plot.png: {text}")
+
+
+def _add(summary: dict[str, Any], key: str, text: str) -> None:
+    summary[key] = [*summary.get(key, []), text]
