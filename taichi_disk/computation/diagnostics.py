@@ -16,7 +16,7 @@ from taichi_disk.computation.scenario import Scenario
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.lattice import double_area
-from taichi_disk.physics import Model
+from taichi_disk.physics import Wall
 from taichi_disk.simulation.observables import INDEX, Columns, of_kind, total_energy
 
 # largest imbalance at the end and at any time without a shorter step
@@ -132,11 +132,20 @@ def _rotation_lost(scenario: Scenario, columns: Columns) -> str:
 
 
 class EnergyBalance:
-    """The energy balance of a run, checked while its rows are computed. `total`: energy
-    without errors [M c^2]."""
+    """The energy balance of a run, checked while its rows are computed, and whether the
+    disk is still above its wall.
 
-    def __init__(self, start: Array) -> None:
+    `start`: the first row; `elastic`: the elastic wall, if there is one. `total`:
+    energy without errors [M c^2].
+    """
+
+    def __init__(self, start: Array, elastic: Wall | None) -> None:
         self.total = float(total_energy(start[None])[0])
+        self._max_depth = np.inf
+        if elastic is not None:
+            # twice the depth that the potential permits
+            potential = max(self.total, elastic.V0)
+            self._max_depth = elastic.corner_depth - 2.0 * elastic.height_of(potential)
         self._load = float(start[INDEX["load"]])
         self._largest = float(self._size(start[None])[0])
 
@@ -150,6 +159,7 @@ class EnergyBalance:
             allowed = BLOW_UP * largest[1:] + 1e-300
             # infinite: deep inside a wall
             is_valid = (lost <= allowed) & (lost < np.inf)
+            is_valid &= rows[:, INDEX["depth"]] <= self._max_depth
         if not is_valid.all():
             return int(is_valid.argmin())
         self._largest = float(largest[-1])
@@ -176,6 +186,8 @@ class EnergyBalance:
     def loss(self, bad: Array) -> str:
         if not np.isfinite(bad).all():
             return "a number is no longer finite"
+        if bad[INDEX["depth"]] > self._max_depth:
+            return "the disk has gone through the surface of the wall"
         off = max(self.imbalance(bad[None])[0], bad[INDEX["sliding"]], key=abs)
         return f"the energy balance is off by {off:+.2g} of {self.total:.2g} M c^2"
 
@@ -195,34 +207,6 @@ class BlowUp(SimulationError):
 
 class LostBalance(SimulationError):
     """The run came to its end, but its energy imbalance is too large for a result."""
-
-
-def gone_through(lattice: Lattice, model: Model, x: Array, energy: float) -> bool:
-    """Return whether a point of the disk is deeper in the elastic wall than the
-    `energy` [M c^2] of the run permits."""
-    # The contact law itself does not notice this, because it looks only for the spring
-    # below a point.
-    wall = model.elastic
-    if wall is None:
-        return False
-    disk = x[: lattice.disk_points]
-    surface = x[lattice.wall_surface]
-    px, py = disk[disk[:, 1] < surface[:, 1].max()].T[:, :, None]
-    # twice the depth that the potential permits
-    depth = -2.0 * wall.height_of(max(energy, wall.V0))
-    lowered_surface = surface[-2:0:-1] - [0.0, depth]
-    outline = np.concatenate([x[lattice.wall_boundary], lowered_surface])
-    # edges of the outline, from a to b
-    ax, ay = outline.T
-    bx, by = np.roll(outline, -1, axis=0).T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        fraction = (px - ax) / (bx - ax)  # of the edge
-        edge_height = ay + fraction * (by - ay)
-    # edges that a ray upwards from the point crosses
-    is_between = (ax <= px) != (bx <= px)
-    is_crossed = is_between & (edge_height > py)
-    # a ray that starts inside crosses an odd number of edges
-    return bool((is_crossed.sum(axis=1) % 2).any())
 
 
 def inverted_triangles(lattice: Lattice, x: Array) -> int:

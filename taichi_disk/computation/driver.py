@@ -15,7 +15,6 @@ from taichi_disk.computation.diagnostics import (
     EnergyBalance,
     LostBalance,
     explained,
-    gone_through,
     unacceptable,
 )
 from taichi_disk.computation.scenario import Scenario
@@ -97,7 +96,7 @@ class Driver:
         self._rows[0] = first_row
         self.count = 1
         self.row = first_row
-        self.balance = EnergyBalance(first_row)
+        self.balance = EnergyBalance(first_row, scenario.model.elastic)
         self.start = self.state = self.simulation.snapshot()
         self.status: Status = "running"
         self.failure: SimulationError | None = None
@@ -179,13 +178,6 @@ class Driver:
         self._append(rows[:lost])
         if lost is not None:
             self._blow_up(self.balance.loss(new_rows[lost]))
-        elif gone_through(
-            self.scenario.lattice,
-            self.scenario.model,
-            state.vectors[0],
-            self.balance.total,
-        ):
-            self._blow_up("the disk has gone through the surface of the wall")
         else:
             self.state = state
             self.row = simulation.now

@@ -141,6 +141,32 @@ class ElasticWall(Wall):
         return distance, normal, k, ti.Vector([1.0 - lever, lever])
 
     @ti.func
+    def depth(self, state: ti.template()):
+        """Return the largest depth of a point of the disk below the wall's surface [R],
+        0 if none is there. The contact itself looks only for the spring below a point.
+        """
+        x, y = ti.static(state.x[0], state.x[1])
+        deepest = 0.0
+        for n in range(self.count[0]):
+            i = self.disk_surface[n]
+            # A ray upwards from a point below the surface crosses it an odd number of
+            # times, however the surface is folded.
+            crossings = 0
+            nearest = ti.math.inf
+            for k in range(self.count[1] - 1):
+                p = self.wall_surface[k]
+                q = self.wall_surface[k + 1]
+                if (x[p] <= x[i]) != (x[q] <= x[i]):
+                    fraction = (x[i] - x[p]) / (x[q] - x[p])
+                    height = y[p] + fraction * (y[q] - y[p]) - y[i]
+                    if height > 0.0:
+                        crossings += 1
+                        nearest = ti.min(nearest, height)
+            if crossings % 2 == 1:
+                deepest = ti.max(deepest, nearest)
+        return deepest
+
+    @ti.func
     def sliding_loss(self, state: ti.template(), i, k, move):
         """Return the energy that point i lost in the last move by passing from another
         wall spring to spring k [M c^2]."""

@@ -163,6 +163,8 @@ class Wall(ExponentialPotential, Law):
     has_friction: bool = False
     # whether the force jumps when a point passes to the next spring of the wall
     has_jumps: bool = False
+    # how far the surface is below the straight lines between its points [R]
+    corner_depth: float = 0.0
 
     def contact_forces(
         self, lattice: Lattice, x: Array, *moving: Any

@@ -152,6 +152,9 @@ class Kernels(Stepping):
         rows[s, INDEX["load"]] = load
         rows[s, INDEX["sliding"]] = sums[SLIDING]
         rows[s, INDEX["residual"]] = ti.sqrt(residual2)
+        rows[s, INDEX["depth"]] = 0.0
+        if ti.static(self.contact):
+            rows[s, INDEX["depth"]] = self.wall.depth(self.state)
         rows[s, INDEX["friction"]] = 0.0
         if ti.static(self.has_friction):
             rows[s, INDEX["friction"]] = sums[FRICTION]

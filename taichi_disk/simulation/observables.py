@@ -61,6 +61,13 @@ COLUMNS = (
         written="never",
     ),
     Column(
+        "depth",
+        "R",
+        "how deep a point of the disk is below the surface of an elastic wall",
+        "motion",
+        written="never",
+    ),
+    Column(
         "kinetic", "M c²", "kinetic energy of the disk and an elastic wall", "energy"
     ),
     Column("elastic", "M c²", "energy of the springs", "energy", "elastic", "#C23F00"),

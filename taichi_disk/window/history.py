@@ -164,7 +164,7 @@ class Segment(Driver):
         inside = within(self.rows[1:], self.bounds)
         last_inside = int(np.argmin(np.append(inside[::-1], False)))
         self.settled_rows = min(last_inside, self.needed_rows - 1)
-        self.balance = EnergyBalance(self.rows[0])
+        self.balance = EnergyBalance(self.rows[0], self.scenario.model.elastic)
         self.balance.first_lost(self.rows)
         self.state = snapshot
         self.row = checkpoint.row

@@ -4,13 +4,15 @@ likely cause and remedy."""
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import ELASTIC, RIGID, WALL, computed, control_of, disk_and_wall, driver_of
+from bodies import ELASTIC, WALL, computed, control_of, disk_and_wall, driver_of
 
-from taichi_disk.computation.diagnostics import BlowUp, EnergyBalance, gone_through
+from taichi_disk.computation.diagnostics import BlowUp, EnergyBalance
 from taichi_disk.computation.driver import Driver
+from taichi_disk.integrators import VELOCITY_VERLET as VV
 from taichi_disk.physics import ElasticWall, Model, Springs
 from taichi_disk.simulation.observables import INDEX
 
@@ -51,8 +53,8 @@ def test_a_lost_balance_is_detected_in_its_first_row(energies, lost):
     rows = np.zeros((len(energies["kinetic"]), len(INDEX)))
     for name, values in energies.items():
         rows[:, INDEX[name]] = values
-    at_once = EnergyBalance(rows[0])
-    one_by_one = EnergyBalance(rows[0])
+    at_once = EnergyBalance(rows[0], None)
+    one_by_one = EnergyBalance(rows[0], None)
     assert at_once.first_lost(rows) == lost
     each = [one_by_one.first_lost(row[None]) for row in rows]
     assert [found is None for found in each[:lost]] == [True] * len(rows[:lost])
@@ -117,26 +119,42 @@ def test_a_number_that_is_not_finite_is_reported_after_the_launch(
         assert all(np.isfinite(values).all() for values in good.values())
 
 
-def test_a_disk_in_the_wall_is_detected():
+@pytest.mark.parametrize("bumps", [0.0, 0.02])
+def test_the_depth_of_a_disk_in_the_wall_is_measured(bumps, kernels):
+    # against the straight lines between the points of the surface
     lattice = disk_and_wall()
+    rng = np.random.default_rng(0)
+    for y in (-0.3, -0.05, 0.0, 0.5):
+        x = lattice.positions.copy()
+        x[: lattice.disk_points, 1] += y
+        x[lattice.wall_surface, 1] += bumps * rng.random(len(lattice.wall_surface))
+        body = replace(lattice, positions=x)
+        simulation = kernels.simulation(body, ON_WALL, VV, 0.0 * x, 1e-3)
+        surface = x[lattice.wall_surface]
+        rim = x[lattice.disk_surface]
+        below = np.interp(rim[:, 0], *surface.T) - rim[:, 1]
+        expected = max(0.0, below[np.abs(rim[:, 0]) < 1.5].max())
+        found = simulation.first_row[INDEX["depth"]]
+        assert found == pytest.approx(expected, rel=1e-12, abs=1e-15)
+    assert expected == 0.0
 
-    def found(y, model=ON_WALL):
-        positions = lattice.positions.copy()
-        positions[: lattice.disk_points, 1] += y
-        return gone_through(lattice, model, positions, energy=2e-4)
 
-    assert found(-0.05)
-    assert not found(0.0)
-    assert not found(0.5)
-    assert not found(-1.0, Model(Springs(), RIGID))
-    # This depth is allowed if the potential is too weak to stop a point of this energy.
-    assert not found(-0.05, Model(Springs(), ElasticWall(1.0, 1e-5, 0.1)))
-    # Twice the depth at which the potential equals the energy is allowed. The lowest
-    # point is 0.03 R above the wall.
-    depth = np.log(2e-4 / 1e-5) / 100.0
-    wall = Model(Springs(), ElasticWall(100.0, 1e-5, 0.1))
-    assert not found(-0.03 - 1.6 * depth, wall)
-    assert found(-0.03 - 2.4 * depth, wall)
+def test_a_disk_may_be_twice_as_deep_as_the_potential_permits():
+    start = np.zeros(len(INDEX))
+    start[INDEX["kinetic"]] = 2e-4
+    row = start.copy()
+    permitted = np.log(2e-4 / 1e-5) / 100.0
+    for depth, wall, is_valid in (
+        (1e-9, ElasticWall(300.0, 150.0, 0.1), False),
+        (0.05, ElasticWall(1.0, 1e-5, 0.1), True),
+        (1.9 * permitted, ElasticWall(100.0, 1e-5, 0.1), True),
+        (2.1 * permitted, ElasticWall(100.0, 1e-5, 0.1), False),
+    ):
+        row[INDEX["depth"]] = depth
+        balance = EnergyBalance(start, wall)
+        assert (balance.first_lost(row[None]) is None) == is_valid
+        if not is_valid:
+            assert "gone through the surface" in balance.loss(row)
 
 
 @pytest.mark.validate
