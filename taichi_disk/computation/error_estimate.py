@@ -3,9 +3,10 @@ within a tolerance."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from itertools import combinations
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -15,12 +16,17 @@ from taichi_disk.computation.contact import (
     greatest_compression,
     vibration_left,
 )
-from taichi_disk.computation.diagnostics import inverted_triangles, relative_imbalance
+from taichi_disk.computation.diagnostics import (
+    BlowUp,
+    inverted_triangles,
+    relative_imbalance,
+)
 from taichi_disk.computation.driver import Driver
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.stability import TimeStep
 from taichi_disk.computation.step_control import fitted
-from taichi_disk.errors import SimulationError, TaichiDiskError
+from taichi_disk.errors import SimulationError
+from taichi_disk.lattice import Array
 from taichi_disk.simulation.observables import Columns, split
 
 # The constants were measured on scenes with a known result: `python -m
@@ -46,21 +52,21 @@ ROUNDING = 1e-14  # rounding error of sums over many steps
 # irregularly
 IRREGULAR_FROM = 0.51
 
-SEARCH = 12  # number of steps tried for a tolerance
-# ratio of the error that the next step should have to the tolerance
-TOLERANCE_PART = 0.75
-# ratio of a step to the next; a power law is not reliable beyond 3
-LEAST_RATIO = 1.15
-MOST_RATIO = 3.0
+SEARCH = 12  # how often the step is halved for a tolerance
+# Differences of results at three steps show the order of the error if their ratio is
+# the expected one within this factor.
+ORDER_MARGIN = 2.0
+# part of the tolerance within which results may differ without falling
+AGREEING = 0.1
 
-# A motion may be chaotic if the estimated error exceeds this fraction of the result, or
-# if it has not fallen although the step is shorter by CHAOS_SHORTER.
+# A plain run warns if the estimated error exceeds this fraction of the result.
 SUSPICIOUS_ERROR = 1e-3
-CHAOS_SHORTER = 4.0
-# A motion is chaotic if a start turned by CHAOS_TURN [rad] changes the result by more
-# than CHAOS_PART of the tolerance.
+# A start turned by CHAOS_TURN [rad] changes the result by this angle times a factor. It
+# is at most some ten in ordinary impacts. From CHAOTIC_FROM on, the step is halved at
+# most CHAOTIC_SEARCH times.
 CHAOS_TURN = 1e-10
-CHAOS_PART = 0.25
+CHAOTIC_FROM = 1e3
+CHAOTIC_SEARCH = 8
 
 INSTANTS = 20  # of the contact, at which inverted triangles are counted
 
@@ -88,25 +94,44 @@ def richardson(dt: float, runs: list[tuple[float, float]], order: int) -> float:
 
 def second_run(driver: Driver) -> SecondRun:
     """Run the finished scene of `driver` again with another step and, if errors fall
-    irregularly, with a third."""
+    irregularly, with a third. Raises SimulationError if there is no result then."""
     # Irregular errors may agree by chance, hence three runs. On the hardest walls the
     # error also stays at a plateau, which differences do not show: the estimate is at
     # least a fraction of the worst imbalance.
-    scenario = driver.scenario
     inverted = 0
-    runs: list[tuple[float, dict[str, float]]] = []
-    try:
-        for dt in _other_steps(driver):
-            other = Driver(scenario, replace(driver.step, dt=dt), driver.kernels)
-            if not runs:
-                inverted = _most_inverted(other, driver.columns)
+    others: list[Driver] = []
+    for dt in _other_steps(driver):
+        other = _with_step(driver, dt)
+        if not others:
+            inverted = _most_inverted(other, contact_states(other, driver.columns))
+        if other.advance() == "failed" and dt > driver.step.dt:
+            other = _with_step(driver, driver.step.dt / STEP_RATIO)
             other.advance()
-            if not other.has_ended:
-                return SecondRun({}, inverted)
-            runs.append((dt, measured(scenario, other.columns)))
-    except TaichiDiskError:  # the other step gives no result
-        return SecondRun({}, inverted)
-    return SecondRun(_errors(driver, runs), inverted)
+        _require_result(driver, other)
+        others.append(other)
+    order = _order(driver)
+    return SecondRun(_errors(driver, others, order), inverted)
+
+
+def _with_step(driver: Driver, dt: float) -> Driver:
+    """Return a driver at the start of the same scene with the step `dt` [R/c]."""
+    step = fitted(dt, driver.scenario.model.reset_interval)
+    return Driver(driver.scenario, replace(driver.step, dt=step), driver.kernels)
+
+
+def _require_result(driver: Driver, other: Driver) -> None:
+    """Raise SimulationError if the scene of `driver` has no result with the step of
+    `other`."""
+    if other.has_ended:
+        return
+    failure = other.failure
+    text = (
+        f"the time step decides whether there is a result: with {driver.step.dt:.4g}"
+        f" R/c there is one, and with {other.step.dt:.4g} R/c: {failure}"
+    )
+    if isinstance(failure, BlowUp):
+        raise BlowUp(text, failure.last_good)
+    raise SimulationError(text)
 
 
 def measured(scenario: Scenario, columns: Columns) -> dict[str, float]:
@@ -119,31 +144,36 @@ def measured(scenario: Scenario, columns: Columns) -> dict[str, float]:
     return numbers
 
 
-def _most_inverted(driver: Driver, columns: Columns) -> int:
-    """Advance `driver` through the contact, and return the largest number of triangles
-    turned inside out. `columns`: of a finished run of the same scene."""
+def _most_inverted(driver: Driver, states: Iterable[Array]) -> int:
+    """Return the largest number of triangles that are turned inside out in one of the
+    `states` (n, 2) [R]."""
+    lattice = driver.scenario.lattice
+    return max((inverted_triangles(lattice, x) for x in states), default=0)
+
+
+def contact_states(driver: Driver, columns: Columns) -> Iterator[Array]:
+    """Advance `driver` through the contact, and yield positions (n, 2) on the way.
+    `columns`: of a finished run of the same scene."""
     start, end = contact_interval(
         columns["t"], columns["wall_force"], columns["com_vy"]
     )
     times = [*np.linspace(start, end, INSTANTS), greatest_compression(columns)]
-    lattice = driver.scenario.lattice
-    most = 0
     for t in sorted(times):
         steps = round(t / driver.step.dt) - driver.simulation.step_number
         if steps > 0 and driver.advance(steps=steps) == "running":
-            most = max(most, inverted_triangles(lattice, driver.state.vectors[0]))
-    return most
+            yield driver.state.vectors[0]
 
 
-def _errors(
-    driver: Driver, others: list[tuple[float, dict[str, float]]]
-) -> dict[str, float]:
-    """Return the errors of the quantities of a finished run by name. `others`: step
-    [R/c] and quantities of its further runs."""
+def _errors(driver: Driver, others: list[Driver], order: int) -> dict[str, float]:
+    """Return the errors of the quantities of a finished run by name. `others`: further
+    runs; `order`: of the error of the primary result."""
     scenario = driver.scenario
     columns = driver.columns
     dt = driver.step.dt
-    runs = [*others, (dt, measured(scenario, columns))]
+    runs = [
+        (other.step.dt, measured(scenario, other.columns))
+        for other in (*others, driver)
+    ]
     least = ROUNDING
     if dt > scenario.wall_step:
         _, worst = relative_imbalance(scenario, columns)
@@ -152,18 +182,19 @@ def _errors(
     if scenario.is_thrown:
         scales["vibration_left"] = scenario.sensitivity
     sampling = _sampling_errors(scenario, columns)
-    order = _order(driver)
     primary, _ = scenario.primary(columns)
     errors = {}
     for name, scale in scales.items():
         if not all(name in numbers for _, numbers in runs):
             continue
-        safety = ERROR_SAFETY[order]
-        if name != primary:
-            safety *= SECONDARY_SAFETY
         values = [(step, numbers[name]) for step, numbers in runs]
-        of_step = max(safety * richardson(dt, values, order), least * scale)
-        errors[name] = of_step + sampling.get(name, 0.0)
+        if name == primary:
+            of_step = ERROR_SAFETY[order] * richardson(dt, values, order)
+        else:
+            usual = _order(driver)
+            safety = SECONDARY_SAFETY * ERROR_SAFETY[usual]
+            of_step = safety * richardson(dt, values, usual)
+        errors[name] = max(of_step, least * scale) + sampling.get(name, 0.0)
     errors[primary] += scenario.end_truncation_error(columns)
     return errors
 
@@ -192,17 +223,14 @@ def _is_irregular(driver: Driver) -> bool:
     """Return whether errors fall irregularly, so that results at two steps may agree by
     chance.
 
-    They do with friction, if a step crosses much of the wall's decay length, and if
-    points slide along a wall of springs.
+    They do with friction, if a step crosses much of the wall's decay length, if points
+    slide along a wall of springs, and on a wall that is reset.
     """
     scenario = driver.scenario
+    model = scenario.model
     crosses_wall = driver.step.dt > IRREGULAR_FROM * scenario.wall_step
-    if scenario.model.has_friction or crosses_wall:
+    if model.has_friction or model.reset_interval or crosses_wall:
         return True
-    # In a search for a tolerance, sliding points do not count: they would need a
-    # further run each time, which took minutes.
-    if scenario.scene.time.tolerance != "none":
-        return False
     return bool(driver.columns["sliding"].any())
 
 
@@ -210,22 +238,18 @@ def _other_steps(driver: Driver) -> list[float]:
     """Return the steps [R/c] of the other runs: shorter ones, or a longer one, which
     costs less, if that is stable."""
     step = driver.step
-    interval = driver.scenario.model.reset_interval
     if _is_irregular(driver):
-        return [
-            fitted(step.dt / ratio, interval) for ratio in (HALF_STEP, QUARTER_STEP)
-        ]
-    limit = step.limit_under(driver.largest_force)
-    longer = fitted(LONGER_STEP * limit, interval)
-    if step.dt > LONGER_FROM * limit and longer > step.dt:
+        return [step.dt / HALF_STEP, step.dt / QUARTER_STEP]
+    longer = LONGER_STEP * step.limit_under(driver.largest_force)
+    if step.dt > LONGER_FROM / LONGER_STEP * longer and longer > step.dt:
         return [longer]
-    return [fitted(step.dt / STEP_RATIO, interval)]
+    return [step.dt / STEP_RATIO]
 
 
 def _order(driver: Driver) -> int:
-    """Return the assumed order of the error: 1 if it falls irregularly or points slide,
-    otherwise the integrator's."""
-    if driver.columns["sliding"].any() or _is_irregular(driver):
+    """Return the assumed order of the error: 1 if it falls irregularly, otherwise the
+    integrator's."""
+    if _is_irregular(driver):
         return 1
     return driver.step.integrator.order
 
@@ -236,91 +260,125 @@ def _order(driver: Driver) -> int:
 def within_tolerance(
     driver: Driver, run: Callable[[TimeStep], Driver]
 ) -> tuple[Driver, SecondRun]:
-    """Shorten the step of the finished `driver` until the estimated error of its result
-    is within `time.tolerance`.
+    """Halve the step of the finished `driver` until three successive results show that
+    the error is within `time.tolerance`. Return the run with the shortest step.
 
     `run` runs the scene to its end with a step. Raises SimulationError if no step is
-    found, or if the motion is chaotic.
+    found.
     """
     scenario = driver.scenario
     tolerance = scenario.scene.time.tolerance
-    longest_step = driver.step.dt
-    first_error = None
-    for tried in range(1, SEARCH + 1):
-        second = second_run(driver)
-        left = scenario.end_truncation_error(driver.columns)
-        primary, value = scenario.primary(driver.columns)
-        error = second.errors.get(primary)
-        allowed = tolerance - left
-        if error is not None:
-            if first_error is None:
-                first_error = error
-            is_shorter = longest_step >= CHAOS_SHORTER * driver.step.dt
-            has_not_fallen = is_shorter and error > first_error
-            if error > SUSPICIOUS_ERROR * abs(value) or has_not_fallen:
-                _refuse_chaos(driver)
-            if error <= tolerance:
-                return driver, second
-        if allowed <= 0.0 or tried == SEARCH:
-            break
-        ratio = STEP_RATIO
-        if error is not None:
-            excess = (error - left) / (TOLERANCE_PART * allowed)
-            ratio = excess ** (1.0 / _order(driver))
-        ratio = float(np.clip(ratio, LEAST_RATIO, MOST_RATIO))
-        shorter = fitted(driver.step.dt / ratio, scenario.model.reset_interval)
-        driver = run(replace(driver.step, dt=shorter))
-    found = "cannot be estimated"
-    if error is not None:
-        found = f"is estimated at {error:.3g}"
-    text = (
-        f"time.tolerance is {tolerance:g}, and the error of the result after {tried}"
-        f" runs {found}"
-    )
-    if left > 0.5 * tolerance:
-        text += (
-            f": {left:.2g} of it is due to where the run ends, at any step;"
-            f" {scenario.words.truncation_remedy}"
+    left = scenario.end_truncation_error(driver.columns)
+    runs = [driver]
+    growth = 0.0
+    error = inf
+    halvings = 0
+    most = SEARCH
+    while left < tolerance and halvings < most:
+        halvings += 1
+        half = fitted(0.5 * runs[-1].step.dt, scenario.model.reset_interval)
+        runs = [*runs[-2:], run(replace(driver.step, dt=half))]
+        if len(runs) < 3:
+            continue
+        order = _order_shown(runs)
+        last = runs[-1]
+        errors = _errors(last, runs[:-1], order)
+        primary, _ = scenario.primary(last.columns)
+        error = errors[primary]
+        if order == 1 and not growth:
+            growth = growth_of_turn(driver)
+            if growth >= CHAOTIC_FROM:
+                most = CHAOTIC_SEARCH
+        is_trustworthy = order > 1 or (
+            growth < CHAOTIC_FROM
+            and (_is_falling(runs) or error <= AGREEING * tolerance)
         )
-    else:
-        text += "; write a smaller time.safety, or another time.integrator"
-    raise SimulationError(f"{text}; or write a larger time.tolerance, or none")
+        if error <= tolerance and is_trustworthy:
+            again = _with_step(driver, driver.step.dt)
+            states = contact_states(again, driver.columns)
+            return last, SecondRun(errors, _most_inverted(again, states))
+    raise SimulationError(_missed(scenario, runs[-1], halvings, error, left, growth))
 
 
-def _refuse_chaos(driver: Driver) -> None:
-    """Raise SimulationError if the result of the finished `driver` depends so much on
-    its start that no step keeps the tolerance."""
-    scenario = driver.scenario
-    tolerance = scenario.scene.time.tolerance
-    change = change_of_turned_starts(driver)
-    if change <= CHAOS_PART * tolerance:
-        return
-    symbol = scenario.words.symbol
-    raise SimulationError(
-        f"this impact is chaotic: {symbol} changes by {change:.2g} when the"
-        f" start moves by {CHAOS_TURN:g} R, so that no time step gives it to"
-        f" time.tolerance = {tolerance:g}; write none, which prints an honest error, or"
-        " a lower impact.velocity, or more lattice.points"
-    )
+def _changes(runs: list[Driver]) -> tuple[float, float]:
+    """Return the changes of the primary result from the first to the second of three
+    runs, and on to the third."""
+    first, second, third = (run.scenario.primary(run.columns)[1] for run in runs)
+    return second - first, third - second
 
 
-def change_of_turned_starts(driver: Driver) -> float:
-    """Return the largest change of the primary result of the finished `driver` if the
-    body starts turned by CHAOS_TURN either way. A run without a result does not
-    count."""
+def _is_falling(runs: list[Driver]) -> bool:
+    before, after = _changes(runs)
+    return abs(after) <= abs(before)
+
+
+def _order_shown(runs: list[Driver]) -> int:
+    """Return the integrator's order if the results of three runs at shorter and shorter
+    steps show it, else 1."""
+    order = runs[0].step.integrator.order
+    powers = [run.step.dt**order for run in runs]
+    expected = (powers[0] - powers[1]) / (powers[1] - powers[2])
+    before, after = _changes(runs)
+    if abs(after) <= ROUNDING:
+        return 1
+    ratio = before / after / expected
+    if 1.0 / ORDER_MARGIN <= ratio <= ORDER_MARGIN:
+        return order
+    return 1
+
+
+def growth_of_turn(driver: Driver) -> float:
+    """Return the change of the primary result of the finished `driver` over a tiny
+    angle by which the body starts turned [1/rad]."""
     scenario = driver.scenario
     lattice = scenario.lattice
     n = lattice.disk_points
+    positions = lattice.positions.copy()
+    arm = positions[:n] - lattice.mean(positions)
+    positions[:n] += CHAOS_TURN * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+    start = replace(scenario, lattice=replace(lattice, positions=positions))
+    other = Driver(start, driver.step, driver.kernels)
+    other.advance()
+    if not other.has_ended:
+        return inf
     _, value = scenario.primary(driver.columns)
-    change = 0.0
-    for angle in (CHAOS_TURN, -CHAOS_TURN):
-        positions = lattice.positions.copy()
-        arm = positions[:n] - lattice.mean(positions)
-        positions[:n] += angle * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
-        start = replace(scenario, lattice=replace(lattice, positions=positions))
-        other = Driver(start, driver.step, driver.kernels)
-        other.advance()
-        if other.has_ended:
-            _, other_value = scenario.primary(other.columns)
-            change = max(change, abs(other_value - value))
-    return change
+    _, other_value = scenario.primary(other.columns)
+    return abs(other_value - value) / CHAOS_TURN
+
+
+def _missed(
+    scenario: Scenario,
+    driver: Driver,
+    halvings: int,
+    error: float,
+    left: float,
+    growth: float,
+) -> str:
+    """Return why no step keeps the tolerance. `driver`: the run with the shortest step;
+    the numbers as in `within_tolerance`."""
+    tolerance = scenario.scene.time.tolerance
+    symbol = scenario.words.symbol
+    if left > 0.5 * tolerance:
+        return (
+            f"time.tolerance is {tolerance:g}, and {left:.2g} of the error of {symbol}"
+            " is due to where the run ends, at any step;"
+            f" {scenario.words.truncation_remedy}; or write a larger time.tolerance, or"
+            " none"
+        )
+    found = (
+        f"time.tolerance is {tolerance:g}, and the error of {symbol} is estimated at"
+        f" {error:.2g} after {halvings + 1} runs, the last with a step of"
+        f" {driver.step.dt:.2g} R/c"
+    )
+    if growth < CHAOTIC_FROM:
+        return (
+            f"{found}; write a smaller time.safety, another time.integrator, a larger"
+            " time.tolerance, or none"
+        )
+    return (
+        f"{found}: this impact is chaotic. A change of the start changes {symbol} by"
+        f" {growth:.0e} times as much, and so does the error of a step: only one of"
+        f" {tolerance / growth:.0e} R would keep the tolerance. Write a larger"
+        " time.tolerance, or none, which prints an honest error; or a lower"
+        " impact.velocity, or more lattice.points"
+    )

@@ -80,36 +80,45 @@ def compute(
     """
     if scenario.static:
         return scenario.quasistatic(loads, progress)
-    kernels = shared_kernels()
-    attempts = 0
-
-    def run(step: TimeStep) -> Driver:
-        nonlocal attempts
-        attempts += 1
-        driver = Driver(scenario, step, kernels)
-        progress("simulate", 0.0, scenario.max_time)
-        while driver.advance(seconds=0.1) == "running":
-            progress("simulate", driver.simulation.time, scenario.max_time)
-        return driver
-
-    def finished(step: TimeStep) -> Driver:
-        driver = run(step)
-        if driver.failure:
-            raise driver.failure
-        return driver
-
     control = StepControl(
         scenario, spectrum_of(scenario.lattice, scenario.model), force
     )
-    driver = run(control.step)
+    runs = Runs(scenario, progress)
+    driver = runs.run(control.step)
     while control.shortens(driver):
-        driver = run(control.step)
+        driver = runs.run(control.step)
     if driver.failure:
         raise driver.failure
     second = None
     if scenario.scene.time.tolerance != "none" and scenario.step_dependent:
-        driver, second = within_tolerance(driver, finished)
-    return _described(driver, second, estimate, attempts)
+        driver, second = within_tolerance(driver, runs.finished)
+    return _described(driver, second, estimate, runs.attempts)
+
+
+class Runs:
+    """The runs of one scenario with several steps. `attempts`: their number so far."""
+
+    def __init__(self, scenario: Scenario, progress: Progress) -> None:
+        self.scenario = scenario
+        self.progress = progress
+        self.attempts = 0
+
+    def run(self, step: TimeStep) -> Driver:
+        """Return the driver of a run that has finished or failed."""
+        self.attempts += 1
+        driver = Driver(self.scenario, step, shared_kernels())
+        last = self.scenario.max_time
+        self.progress("simulate", 0.0, last)
+        while driver.advance(seconds=0.1) == "running":
+            self.progress("simulate", driver.simulation.time, last)
+        return driver
+
+    def finished(self, step: TimeStep) -> Driver:
+        """Return the driver of a finished run; raises the failure if it has failed."""
+        driver = self.run(step)
+        if driver.failure:
+            raise driver.failure
+        return driver
 
 
 def _described(

@@ -10,6 +10,7 @@ import pytest
 from bodies import computed, driver_of
 
 from taichi_disk.computation import error_estimate
+from taichi_disk.computation.diagnostics import BlowUp
 from taichi_disk.computation.error_estimate import richardson
 
 HELD = (  # friction holds points, whose number depends on the step
@@ -238,3 +239,48 @@ def test_a_fast_spin_leaves_the_restitution_as_good_as_none(kernels):
     assert scenario.result(outcome.series)["restitution"] == pytest.approx(
         truth(kernels, *settings), abs=5e-5
     )
+
+
+def test_a_result_that_another_step_does_not_confirm_is_a_failure(kernels):
+    # With a longer step the disk goes through the wall.
+    fast = (
+        *("absorbing_wall", "lattice.points=20", "lattice.seed=5"),
+        *("impact.velocity=0.3324", "wall.k_a=0.0547", "wall.a=1047", "wall.V0=523.7"),
+        *("wall.points=60", "wall.width=3.6", "wall.threshold=0.3"),
+        "wall.boundary=dashpot",
+    )
+    with pytest.raises(BlowUp, match=r"with \S+ R/c there is one.*gone through") as out:
+        computed(kernels, *fast)
+    assert out.value.last_good["positions"].shape == (80, 2)
+
+
+@pytest.mark.parametrize("step", ["auto", "0.0015"])
+def test_a_disk_that_comes_back_from_below_the_wall_has_no_result(step, kernels):
+    # It flies on, as if it had bounced, so that its last state shows nothing.
+    fast = (
+        *("absorbing_wall", "lattice.points=33", "lattice.seed=26", "wall.k_a=0.0269"),
+        *("impact.velocity=0.4475", "wall.a=424.1", "wall.V0=212", "wall.points=99"),
+        *("wall.width=3.6", "wall.threshold=0.3", "wall.boundary=pinned"),
+        *("wall.contact=smooth", f"time.dt={step}"),
+    )
+    with pytest.raises(BlowUp, match="gone through the surface"):
+        computed(kernels, *fast, estimate=False)
+
+
+RESET = (
+    *("absorbing_wall", "lattice.points=73", "lattice.seed=339945"),
+    *("material.eta_star=0", "impact.velocity=0.05853", "impact.offset=0.0017"),
+    *("wall.a=2041", "wall.V0=1020.5", "wall.points=160", "wall.k_a=0.4533"),
+    *("wall.width=3.6", "wall.threshold=0.1", "wall.reset_interval=0.02479"),
+)
+
+
+def test_the_estimate_holds_on_a_hard_wall_that_is_reset(kernels):
+    # by DOP853 at three tolerances; two runs claimed 2.3e-4 and 9.7e-6
+    scenario, outcome = computed(kernels, *RESET)
+    found = error_estimate.measured(scenario, outcome.series)
+    errors = outcome.summary["error_estimate"]
+    off = abs(found["restitution"] - 0.895978)
+    assert off <= errors["restitution"] < 5.0 * off
+    fine = abs(found["vibration_left"] - 0.043972)
+    assert fine <= errors["vibration_left"] < 10.0 * fine
