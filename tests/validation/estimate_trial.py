@@ -2,14 +2,14 @@
 are kept.
 
     python -m tests.validation.estimate_trial [--tolerance]
-    [--hard | --features | --chaotic] [--first 0] [--scenes 100]
+    [--hard | --scene features|resets|chaotic] [--first 0] [--scenes 100]
 
 Scenes are drawn by number (`random_scenes`); `truth` computes the true results. A scene
 whose true result is uncertain by more than a tenth of the claimed error cannot be
 judged. But if a chaotic impact's result still changes by more than the claim when the
-step is 32 or 128 times shorter, the claim has failed. With `--features` and `--chaotic`
-every result is judged, and `--log FILE` stores the judgements, so that the same command
-can go on from there.
+step is 32 or 128 times shorter, the claim has failed. With `--scene` every result is
+judged, and `--log FILE` stores the judgements, so that the same command can go on from
+there.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ from .random_scenes import (
     custom_body,
     feature_scene,
     hard_scene,
+    reset_scene,
     trial_scene,
 )
 from .truth import refined, true_result
@@ -44,6 +45,11 @@ from .truth import refined, true_result
 FINEST = 1e-8  # smallest claimed error that is judged
 # rounding error of a result, such as the tangential impulse without friction
 ROUNDING = 1e-13
+SCENES = {
+    "features": feature_scene,
+    "resets": reset_scene,
+    "chaotic": chaotic_scene,
+}
 MOST_WORK = 3e9  # most spring evaluations for a true result; longer scenes are left out
 
 
@@ -125,14 +131,12 @@ def feature_tolerance(number: int) -> float:
 
 
 def judge_features(
-    number: int, kernels: KernelCache, tolerance: bool = False, chaotic: bool = False
+    number: int, kernels: KernelCache, tolerance: bool = False, kind: str = "features"
 ) -> list[Judgement]:
-    """Run scene `number` as `run` does, and compare the estimate of each result with
-    runs at shorter steps. With `tolerance`, a tolerance is the claim about the primary
-    result."""
-    name, settings, aspect = feature_scene(number)
-    if chaotic:
-        name, settings, aspect = chaotic_scene(number)
+    """Run scene `number` of `kind` as `run` does, and compare the estimate of each
+    result with runs at shorter steps. With `tolerance`, a tolerance is the claim about
+    the primary result."""
+    name, settings, aspect = SCENES[kind](number)
     wanted = feature_tolerance(number)
     if tolerance:
         settings = (*settings, f"time.tolerance={wanted!r}")
@@ -165,7 +169,7 @@ def judge_features(
         claim = claims[result] + ROUNDING
         error = abs(found[result] - true)
         end = verdict(error, claim, doubt)
-        if chaotic and doubt > claim:
+        if kind == "chaotic" and doubt > claim:
             end = "exceeded"
         label = "" if result == primary else result
         judged.append(Judgement(number, end, text, error, claim, doubt, label))
@@ -237,14 +241,10 @@ def main() -> None:
         help="spins, strained springs, strong dashpots, both contacts",
     )
     parser.add_argument(
-        "--features",
-        action="store_true",
-        help="all features of bodies, throws and walls; all results",
-    )
-    parser.add_argument(
-        "--chaotic",
-        action="store_true",
-        help="few points on a hard, reset elastic wall; all results",
+        "--scene",
+        choices=SCENES,
+        help="all features of bodies, throws and walls; hard walls that are reset; few"
+        " points on such walls, chaotic: all results are judged",
     )
     parser.add_argument(
         "--first", type=int, default=0, help="number of the first scene"
@@ -257,7 +257,7 @@ def main() -> None:
     runtime.start(threads=1)
     kernels = KernelCache()
     numbers = range(given.first, given.first + given.scenes)
-    if not (given.features or given.chaotic):
+    if not given.scene:
         found = [judge(number, given.tolerance, given.hard) for number in numbers]
         print(*report(found), sep="\n")
         return
@@ -266,7 +266,7 @@ def main() -> None:
     for number in numbers:
         if number in known:
             continue
-        judged = judge_features(number, kernels, given.tolerance, given.chaotic)
+        judged = judge_features(number, kernels, given.tolerance, given.scene)
         found += judged
         if given.log:
             with given.log.open("a", encoding="utf-8") as file:

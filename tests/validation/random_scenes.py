@@ -320,6 +320,37 @@ def chaotic_scene(number: int) -> tuple[str, tuple[str, ...], float]:
     return "absorbing_wall", tuple(settings), 0.0
 
 
+def reset_scene(number: int) -> tuple[str, tuple[str, ...], float]:
+    """Return name and settings of an impact on a hard elastic wall of springs that is
+    reset, and an aspect of 0.
+
+    N 60 to 90, v 0.03 to 0.07, a 1000 to 4000, a reset every 0.005 to 0.03 R/c; the
+    contact is the paper's in two of three.
+    """
+    draw = Draw(38, number)
+    rng = draw.rng
+    points = int(rng.integers(60, 91))
+    a = draw.between(1000.0, 4000.0)
+    contact = "smooth" if draw.chance(0.33) else "springs"
+    settings = [
+        f"lattice.points={points}",
+        f"lattice.seed={rng.integers(1000000)}",
+        "material.eta_star=0",
+        f"impact.velocity={draw.between(0.03, 0.07)}",
+        f"impact.offset={rng.uniform(0.0, 0.04):.4f}",
+        f"wall.a={a}",
+        f"wall.V0={0.5 * a}",
+        f"wall.points={round(2.2 * points)}",
+        "wall.width=3.6",
+        "wall.threshold=0.1",
+        "wall.boundary=reset",
+        f"wall.contact={contact}",
+        f"wall.k_a={draw.between(0.25, 0.6)}",
+        f"wall.reset_interval={draw.between(0.005, 0.03)}",
+    ]
+    return "absorbing_wall", tuple(settings), 0.0
+
+
 def reach_of(a: float, v: float) -> float:
     """Return the height [R] at which the potential of a wall with V0 = a / 2 is 1e-5 of
     the kinetic energy at the speed v."""
