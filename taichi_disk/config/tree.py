@@ -92,10 +92,6 @@ class Tree:
         """Whether there are so many faults that others are only counted."""
         return len(self.faults) >= _MAX_EXPLAINED
 
-    def take_faults(self, other: Tree) -> None:
-        """Add the faults of another tree."""
-        self.faults += other.faults
-
     def refuse(self) -> None:
         """Raise InputError with all faults, if there are any."""
         if not self.faults:
@@ -378,7 +374,7 @@ def _override(tree: Tree, override: str, rank: int) -> None:
     for section, parent in _parents(tree, path, mark).items():
         where = (*section, key)
         new = parse(text, mark, where)
-        tree.take_faults(new)
+        tree.faults += new.faults
         old = parent.get(key)
         value = new.value
         if len(where) == 1 and isinstance(old, dict) and isinstance(value, dict):

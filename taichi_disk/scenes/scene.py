@@ -344,12 +344,12 @@ def _escaped(character: str) -> str:
 Kinds: TypeAlias = Mapping[str, type[DiskScene]]
 
 
-def check(tree: Tree, kinds: Kinds) -> DiskScene | None:
+def check(tree: Tree, kinds: Kinds, where: str = "") -> DiskScene | None:
     """Return the scene that the tree describes, or None if it has faults, which are
-    added to the tree."""
+    added to the tree; `where` is added to conflicts between keys."""
     kind = tree.value.get("scene")
     if isinstance(kind, str) and kind in kinds:
-        return _read(kind, tree, kinds)
+        return _read(kind, tree, kinds, where)
     entry = tree.entry(("scene",))
     what = f"missing: write scene: {either(kinds)}"
     if "scene" in tree.value:
@@ -360,7 +360,7 @@ def check(tree: Tree, kinds: Kinds) -> DiskScene | None:
     return None
 
 
-def _read(kind: str, tree: Tree, kinds: Kinds) -> DiskScene | None:
+def _read(kind: str, tree: Tree, kinds: Kinds, where: str = "") -> DiskScene | None:
     sections = kinds[kind].sections()
     values = dict[str, dict[str, Any]]()
     for name, given in tree.value.items():
@@ -391,7 +391,7 @@ def _read(kind: str, tree: Tree, kinds: Kinds) -> DiskScene | None:
     scene = kinds[kind](**changed)
     for key, text in scene.conflicts():
         path = tuple(key.split("."))
-        tree.fault(tree.entry(path).value, path, text)
+        tree.fault(tree.entry(path).value, path, text + where)
     if tree.faults:
         return None
     return scene

@@ -10,7 +10,6 @@ Every combination is one scene. A list of such sections is swept one after the o
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import prod
 from typing import Any, TypeAlias
@@ -177,63 +176,32 @@ def _combine(
             f"{total} combinations: at most {MAX_SCENES}",
         )
         return None
-    # Check each value by itself first, to report all faulty values at once.
-    checked_blocks = tuple(
-        _checked_values(kind, block, tree, kinds) for block in blocks
-    )
-    if tree.faults:
-        return None
+    checked_blocks = []
     scenes: dict[DiskScene, None] = {}
-    for combination in _combinations(blocks):
-        combined = _with(kind, tree, combination)
-        scene = check(combined, kinds)
-        if scene is None:
-            _add_faults_of_combination(tree, combined, combination)
-            return None
-        scenes[scene] = None
-    return Sweep(checked_blocks, tuple(scenes))
-
-
-def _checked_values(
-    kind: type[DiskScene], block: Axes, tree: Tree, kinds: Kinds
-) -> dict[str, tuple[Any, ...]]:
-    """Return the valid values of each axis as scenes have them, without duplicates.
-    Faults are added to the tree."""
-    first_values = {name: values[0] for name, values in block.items()}
-    checked: dict[str, tuple[Any, ...]] = {}
-    for name, values in block.items():
-        valid: dict[Any, None] = {}
-        for value in values:
-            changed = _with(kind, tree, first_values | {name: value})
-            scene = check(changed, kinds)
-            tree.take_faults(changed)
+    for block in blocks:
+        # values as scenes have them, without duplicates
+        values: dict[str, dict[Any, None]] = {name: {} for name in block}
+        for chosen in itertools.product(*block.values()):
+            if tree.is_full:
+                break
+            combination = dict(zip(block, chosen, strict=True))
+            shown = [f"{name}: {value}" for name, (value, _) in combination.items()]
+            combined = _with(kind, tree, combination)
+            scene = check(combined, kinds, where=f" (at {', '.join(shown)})")
+            tree.faults += combined.faults
             if scene is None:
                 continue
-            valid[value_of(scene, name)] = None
-            is_first = value is first_values[name]
-            if is_first and target_of(scene, name) in scene.unused():
-                what = "has no effect with lattice.file: leave it out"
-                tree.fault(value[1].key, ("sweep", name), what)
-        checked[name] = tuple(valid)
-    return checked
-
-
-def _add_faults_of_combination(
-    tree: Tree, combined: Tree, combination: dict[str, tuple[Value, Entry]]
-) -> None:
-    values = [f"{name}: {value}" for name, (value, _) in combination.items()]
-    where = ", ".join(values)
-    for fault in combined.faults:
-        tree.faults.append(fault._replace(what=f"{fault.what} (at {where})"))
-
-
-def _combinations(
-    blocks: Sequence[dict[str, Any]],
-) -> Iterator[dict[str, tuple[Value, Entry]]]:
-    """Yield each combination of the values of each block."""
-    for block in blocks:
-        for values in itertools.product(*block.values()):
-            yield dict(zip(block, values, strict=True))
+            for name, found in values.items():
+                is_first = not found
+                found[value_of(scene, name)] = None
+                if is_first and target_of(scene, name) in scene.unused():
+                    what = "has no effect with lattice.file: leave it out"
+                    tree.fault(combination[name][1].key, ("sweep", name), what)
+            scenes[scene] = None
+        checked_blocks.append({name: tuple(found) for name, found in values.items()})
+    if tree.faults:
+        return None
+    return Sweep(tuple(checked_blocks), tuple(scenes))
 
 
 def _with(
