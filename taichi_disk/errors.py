@@ -9,6 +9,7 @@ import os
 import sys
 from collections.abc import Iterable
 from importlib.util import find_spec
+from numbers import Integral
 from typing import Any
 
 # The command line prints all notices. Python prints warnings to stderr, and the others
@@ -80,6 +81,19 @@ def printable(text: str, width: int = 40) -> str:
     if len(text) > width:
         return text[: width - 3] + "..."
     return text
+
+
+def whole_number(
+    value: Any, name: str, most: int, least: int = 1, meaning: str = ""
+) -> int:
+    """Return an integer of Python or NumPy from `least` to `most` as an int. Raises
+    InputError with its `name`, and the `meaning` of `most`."""
+    if isinstance(value, Integral) and least <= int(value) <= most:
+        return int(value)
+    raise InputError(
+        f"{name}: must be a whole number from {least} to {most:,}{meaning}, not"
+        f" {value!r}"
+    )
 
 
 def shown_path(path: object) -> str:

@@ -11,13 +11,12 @@ import sys
 import threading
 from collections.abc import Iterator
 from functools import lru_cache, partial
-from numbers import Integral
 from typing import Any, NoReturn
 
 from taichi_disk import engine
 from taichi_disk.engine import internals, owner
 from taichi_disk.engine.environment import remove_stale_lock
-from taichi_disk.errors import NOTICES, InputError, TaichiDiskError
+from taichi_disk.errors import NOTICES, InputError, TaichiDiskError, whole_number
 from taichi_disk.machine import cores
 from taichi_disk.signals import deferred_interrupts
 
@@ -149,12 +148,7 @@ def _threads(threads: Any) -> int:
         threads = os.environ.get(THREADS, most)
         if isinstance(threads, str) and threads.isdecimal():
             threads = int(threads)
-    if not (isinstance(threads, Integral) and 1 <= int(threads) <= most):
-        raise InputError(
-            f"{name}: must be a whole number from 1 to {most}, the number of cores, not"
-            f" {threads!r}"
-        )
-    return int(threads)
+    return whole_number(threads, name, most, meaning=", the number of cores")
 
 
 def leave(status: int) -> NoReturn:

@@ -24,6 +24,7 @@ from taichi_disk.errors import (
     SimulationError,
     did_you_mean,
     nearest,
+    whole_number,
 )
 from taichi_disk.lattice import Array, Lattice, disk_of, numbers
 from taichi_disk.output import files
@@ -249,14 +250,8 @@ class Result(Outcome):
 
         chosen = times
         if chosen is None:
-            if not (
-                isinstance(frames, (int, np.integer)) and 1 <= frames <= MOST_FRAMES
-            ):
-                raise InputError(
-                    f"frames: must be a whole number from 1 to {MOST_FRAMES:,}, not"
-                    f" {frames}"
-                )
-            chosen = np.linspace(0.0, self.series["t"][-1], frames)
+            count = whole_number(frames, "frames", MOST_FRAMES)
+            chosen = np.linspace(0.0, self.series["t"][-1], count)
         exported: list[float] = []
 
         def recorded() -> Iterator[State]:
@@ -553,13 +548,8 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
     if changes:
         _check_arguments(scene, changes)
         scene = scene.with_(changes)
-    if lattices is not None and not (
-        isinstance(lattices, (int, np.integer)) and 1 <= lattices <= MOST_LATTICES
-    ):
-        raise InputError(
-            f"lattices: must be a whole number from 1 to {MOST_LATTICES:,}, not"
-            f" {lattices!r}"
-        )
+    if lattices is not None:
+        whole_number(lattices, "lattices", MOST_LATTICES)
     # reads the files of a lattice and velocities only once, because they may change
     work = Work(scene, lattice, velocities, progress, started)
     own = work.own

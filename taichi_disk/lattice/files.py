@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.errors import InputError, shown_path
+from taichi_disk.errors import InputError, shown_path, whole_number
 from taichi_disk.text_files import check_file
 
 # size limit of a file; a disk and a wall of 2,000,000 points each take 430,000,000
@@ -70,13 +70,8 @@ def read_arrays(path: Path) -> dict[str, Any]:
 def points_of_disk(data: Mapping[str, Any], points: int) -> int:
     """Return the number of the disk's points, which precede those of an elastic wall,
     in a file of `points` points."""
-    n = np.asarray(data.get("disk_points", points))
-    if n.shape or n.dtype.kind not in "iu" or not 0 <= n <= points:
-        raise InputError(
-            f"disk_points must be a whole number up to {points}, the number of points,"
-            f" not {n}"
-        )
-    return int(n)
+    n = np.asarray(data.get("disk_points", points)).tolist()
+    return whole_number(n, "disk_points", points, 0, ", the number of points")
 
 
 def disk_rows(arrays: Mapping[str, Any], n: int) -> dict[str, Any]:

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from numbers import Integral
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from taichi_disk.errors import InputError, SimulationError
+from taichi_disk.errors import InputError, SimulationError, whole_number
 from taichi_disk.lattice.triangles import Array, norms
 
 MIN_POINTS = 3
@@ -80,13 +79,8 @@ def circle_points(
 
 
 def _check_circle(points: int, seed: int, hole: float, core: float) -> None:
-    if points not in range(MIN_POINTS, MAX_POINTS + 1):
-        raise InputError(
-            f"lattice.points must be between {MIN_POINTS} and {MAX_POINTS}, not"
-            f" {points!r}"
-        )
-    if not (isinstance(seed, Integral) and int(seed) >= 0):
-        raise InputError(f"lattice.seed must be a whole number from 0 on, not {seed!r}")
+    whole_number(points, "lattice.points", MAX_POINTS, MIN_POINTS)
+    whole_number(seed, "lattice.seed", 2**63, 0)
     for key, fault in circle_faults(points, hole, core):
         raise InputError(f"lattice.{key}: {fault}")
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_disk.errors import InputError
+from taichi_disk.errors import whole_number
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.network import softest_modes
 from taichi_disk.physics import Model, Springs
@@ -49,9 +49,7 @@ def modes(
     `count` is from 1 to 2 n - 3.
     """
     most = 2 * len(disk.masses) - _RIGID_MODES
-    if count not in range(1, most + 1):
-        bounds = f"from 1 to {most}, the number of vibrations of this disk"
-        raise InputError(f"count: must be a whole number {bounds}, not {count!r}")
+    whole_number(count, "count", most, meaning=", the vibrations of this disk")
     if np.abs(springs.strain(disk, disk.positions)).max() > MAX_STRAIN:
         rest = solve_equilibrium(disk, Model(springs), disk.positions)
         disk = replace(disk, positions=rest.positions)

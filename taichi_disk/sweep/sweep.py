@@ -8,7 +8,6 @@ import json
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import asdict, dataclass
-from numbers import Integral
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -16,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from filelock import FileLock, Timeout
 
 from taichi_disk.config.tree import as_path
-from taichi_disk.errors import NOTICES, InputError
+from taichi_disk.errors import NOTICES, InputError, whole_number
 from taichi_disk.lattice import file_digest
 from taichi_disk.output.files import (
     prepare_output,
@@ -47,6 +46,7 @@ FILES = (
     "figure.svg",
     "figure.pdf",
 )
+MAX_JOBS = 1000
 MAX_FAILURES = 10  # number of failed points that are printed
 DIAGNOSTICS = (
     "young",
@@ -176,8 +176,8 @@ def run_sweep(
     progress = progress or silent
     if not isinstance(sweep, Sweep):
         raise InputError(f"sweep: must be what load_sweep returns, not {sweep!r:.60}")
-    if jobs is not None and not (isinstance(jobs, Integral) and int(jobs) >= 1):
-        raise InputError(f"jobs: must be a whole number from 1 on, not {jobs!r}")
+    if jobs is not None:
+        whole_number(jobs, "jobs", MAX_JOBS)
     keys = [point_key(scene) for scene in sweep.scenes]
     scenes = executors.ordered(dict(zip(keys, sweep.scenes, strict=True)))
     counted = f"{len(scenes)} scenes"

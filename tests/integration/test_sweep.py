@@ -531,7 +531,7 @@ def test_a_malformed_part_is_refused(part: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("jobs", [0, -1, 1.5, "2"])
 def test_jobs_are_a_whole_number(jobs: Any, tmp_path: Path) -> None:
     with pytest.raises(
-        InputError, match=f"jobs: must be a whole number from 1 on, not {jobs!r}"
+        InputError, match=f"jobs: must be a whole number from 1 to 1,000, not {jobs!r}"
     ):
         run_sweep(load_sweep(SMALL), tmp_path / "out", jobs=jobs)
     assert not (tmp_path / "out").exists()

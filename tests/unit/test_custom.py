@@ -418,7 +418,7 @@ def test_an_array_that_claims_all_memory_is_refused_before_it_is_read(
 def test_a_file_s_number_of_points_is_one_it_has(tmp_path, number):
     np.savez(tmp_path / "a.npz", positions=ROUND, disk_points=number)
     with pytest.raises(
-        InputError, match=r"a\.npz: disk_points must be a whole number up to 241"
+        InputError, match=r"a\.npz: disk_points: must be a whole number from 0 to 241"
     ):
         read_lattice(tmp_path / "a.npz")
 
