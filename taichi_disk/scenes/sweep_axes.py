@@ -188,7 +188,7 @@ def _combine(
             shown = [f"{name}: {value}" for name, (value, _) in combination.items()]
             combined = _with(kind, tree, combination)
             scene = check(combined, kinds, where=f" (at {', '.join(shown)})")
-            tree.faults += combined.faults
+            tree.faults.extend(combined.faults)
             if scene is None:
                 continue
             for name, found in values.items():
