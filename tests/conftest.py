@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 
 SANDBOX = {
+    "test_audience",
     "test_controls",
     "test_hostile_visitors",
     "test_mouse_spring",
     "test_notebook",
     "test_page",
     "test_sandbox",
+    "test_session",
+    "test_shared_kernels",
 }
 
 
@@ -83,3 +88,23 @@ def notices(caplog):
     """What the program tells its user: `notices.messages`."""
     caplog.set_level("INFO", "taichi_disk")
     return caplog
+
+
+@pytest.fixture
+def common(kernels):
+    """Return what sandboxes of three small scenes have in common."""
+    from taichi_disk.scenes import load_scene
+    from taichi_disk.window.controls import Preset
+    from taichi_disk.window.session import Common
+
+    throw = ["lattice.points=120", "impact.velocity=0.05"]
+    scenes = {
+        "exponential_wall": [*throw, "material.eta_star=1"],
+        "absorbing_wall": [*throw, "wall.points=160", "wall.threshold=0.11"],
+        "compression": throw[:1],
+    }
+    presets = []
+    for name, changes in scenes.items():
+        load = partial(load_scene, name, changes)
+        presets.append(Preset(name, "Look.", load))
+    return Common(presets, kernels)

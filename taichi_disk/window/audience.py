@@ -7,14 +7,17 @@ import asyncio
 import json
 import secrets
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from math import inf
 from time import perf_counter, thread_time
 from typing import Any
 
 from taichi_disk.runtime import alone
-from taichi_disk.window.controls import described
+from taichi_disk.scenes import Scene
+from taichi_disk.window.controls import described, with_own_seed
 from taichi_disk.window.films import make_film
+from taichi_disk.window.history import Start, Timeline, start_of
 from taichi_disk.window.sandbox import MAX_COMPUTING_TIME
 from taichi_disk.window.session import Common, Session, read_command
 
@@ -23,6 +26,7 @@ MAX_SEATS = 40
 KEEP_TIME = 600.0  # for which a session waits for its page [s]
 # least time of computing between two pictures [s]
 MIN_COMPUTING_TIME = 0.002
+QUIET_TIME = 2.0  # without a command, after which nobody seems to play [s]
 SWEEP_TIME = 60.0  # after which sessions that nobody wants are forgotten [s]
 MAX_PAUSE = 0.25  # between two pictures of a session that takes long [s]
 MAX_PARTS = 2.0  # most that a session may take of the time, in equal parts
@@ -150,6 +154,10 @@ class Audience:
         self._common = common
         self._keep_time = keep_time
         self._sessions = 0  # made so far
+        self._prepared = 0  # whose lattices are known
+        self._heard = -inf  # when a page last sent a command [s]
+        # Lattices need no Taichi, so another thread builds them, one after the other.
+        self._builder = ThreadPoolExecutor(1, "builder")
         self._first: Session | None = self._new_session()  # compiles the kernels
         self._news = asyncio.Event()  # something may have to be sent
         self._film_maker = asyncio.Semaphore(1)  # a film takes a process
@@ -159,7 +167,7 @@ class Audience:
     def _new_session(self) -> Session:
         self._sessions += 1
         with alone():
-            return Session(self._common, self._sessions)
+            return Session(self._common, self._sessions, self._builder)
 
     def seat(self, key: str = "") -> Seat:
         """Return the seat with this key, or a new one. Raises Full."""
@@ -174,6 +182,31 @@ class Audience:
         self.seats[seat.key] = seat
         self._common.memory.sharers = len(self.seats)
         return seat
+
+    async def prepare(self, key: str) -> None:
+        """Build the lattice of the next session, unless there is one with this key."""
+        if key in self.seats:
+            return
+        self._prepared = max(self._prepared, self._sessions) + 1
+        await self._start_of(with_own_seed(self._common.first, self._prepared))
+
+    async def _start_of(self, scene: Scene) -> Start:
+        return await asyncio.wrap_future(self._builder.submit(start_of, scene))
+
+    async def compile(self) -> None:
+        """Compile kernels while nobody plays, so that later nobody waits when somebody
+        chooses a scene."""
+        for scene in self._common.kinds():
+            start = await self._start_of(scene)
+            while self._is_played():
+                await asyncio.sleep(QUIET_TIME)
+            with alone():
+                Timeline(start, self._common.kernels, self._common.memory)
+            await asyncio.sleep(0)  # for the pages
+
+    def _is_played(self) -> bool:
+        is_moved = any(not one.session.sandbox.paused for one in self.seats.values())
+        return is_moved or perf_counter() < self._heard + QUIET_TIME
 
     def _drop(self, until: float) -> None:
         """Forget the sessions that have had no page since `until` [s]."""
@@ -235,6 +268,7 @@ class Audience:
             page.film = page.film or asyncio.create_task(self._film_for(page))
         else:
             page.seat.session.hear(message)
+            self._heard = perf_counter()
         self._wake(page.seat)
 
     def _wake(self, seat: Seat) -> None:

@@ -21,8 +21,8 @@ POINT_FACTORS = (1 / 1.5, 1.5)
 REPEATING_KEYS = ("Left", "Right", "Up", "Down", "e", "d", "a", "z", "s", "m", "i", "u")
 # smallest values above 0 to which keys change a viscosity
 MIN_VISCOSITY = {"material.eta_star": 0.1, "material.viscosity": 1e-4}
-# largest number that can be typed; larger disks take minutes to build
-MAX_POINTS = 20_000
+# largest number that can be typed, for which the compiled kernels have room
+MAX_POINTS = 12_000
 MAX_VELOCITY = 1.0  # largest speed of a throw that can be typed [c]
 MIN_SPEED = 0.01  # [R/c per s]
 MAX_SPEED = 100.0  # [R/c per s]
@@ -132,6 +132,12 @@ class Preset(NamedTuple):
     slow: bool | None = None
 
 
+def with_own_seed(scene: Scene, disk: int) -> Scene:
+    """Return a scene with a random lattice of its own for each disk, so that the
+    results of a class scatter; disk 1 has the scene's."""
+    return scene.with_({"lattice.seed": scene.lattice.seed + disk - 1})
+
+
 def described(error: Exception) -> str:
     """Return the message for the user; an error of the program itself is printed, too,
     so that it can be reported."""
@@ -152,9 +158,11 @@ class Controls:
         reference: groups of keys and the meaning of each group, for a list of keys.
     """
 
-    def __init__(self, sandbox: Sandbox, playlist: list[Preset]) -> None:
+    def __init__(self, sandbox: Sandbox, playlist: list[Preset], disk: int = 1) -> None:
+        """`disk`: number of the sandbox, see `with_own_seed`."""
         self.sandbox = sandbox
         self.playlist = playlist
+        self._disk = disk
         self.number = 0
         self._take_pace()
         self.actions: dict[str, Callable[[], None]] = {}
@@ -286,8 +294,7 @@ class Controls:
         self.sandbox.set("lattice.points", int(min(value, most)))
         if value > most:
             self.sandbox.message = (
-                f"N is {most}, not {value:.0f}: a larger disk would take minutes to"
-                " build; `taichi-disk run` takes it"
+                f"N is {most}, not {value:.0f}: larger disks are for `taichi-disk run`"
             )
 
     def _scale(self, key: str, factor: float) -> None:
@@ -315,7 +322,7 @@ class Controls:
         options. Raises TaichiDiskError."""
         sandbox = self.sandbox
         number = int(number) % len(self.playlist)
-        scene = self.playlist[number].load()
+        scene = with_own_seed(self.playlist[number].load(), self._disk)
         # On an elastic wall displacements may not be magnified.
         sandbox.begin(
             replace(

@@ -46,7 +46,7 @@ class Graphs:
         """Return times since the hit began [R/c] and the values of CURVES, at most
         MAX_CURVE_POINTS of each."""
         segments = self._sandbox.time.hit_segments
-        self._inertia = self._sandbox.time.body.inertia
+        self._inertia = self._sandbox.time.start.body.inertia
         self._scenario = segments[0].scenario
         began = segments[0].hit_began
         parts = []

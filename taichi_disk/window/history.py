@@ -7,6 +7,7 @@ from bisect import bisect_left
 from dataclasses import dataclass, replace
 from math import inf
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 
@@ -218,23 +219,42 @@ class Checkpoint:
         return dict(zip(INDEX, map(float, self.row), strict=True))
 
 
-def with_mouse(scene: Scene, body: Lattice) -> Scenario:
-    """Return the scene at t = 0, with a mouse spring that pulls no point; `body`: its
-    unloaded lattice."""
+class Start(NamedTuple):
+    """How a scene starts: the scene at t = 0 with a mouse spring that pulls no point,
+    its unloaded lattice, and the spectrum of the springs."""
+
+    scenario: Scenario
+    body: Lattice
+    spectrum: Spectrum
+
+    def is_of(self, scene: Scene) -> bool:
+        """Whether a scene starts like this; how it is drawn plays no role."""
+        own: Scene = self.scenario.scene
+        return replace(scene.in_time(), video=own.video) == own
+
+
+def start_of(scene: Scene, body: Lattice | None = None) -> Start:
+    """Compute how a scene starts, with a given unloaded lattice or its own. Another
+    thread may do this, because no kernel is launched. Raises TaichiDiskError."""
+    scene = scene.in_time()
+    if body is None:
+        body = body_of(scene)
     scenario = scene.scenario(body)
-    modulus = scenario.model.springs.modulus
+    springs = scenario.model.springs
     # A force above 0.02 modulus R would turn triangles of a fine lattice inside out.
-    mouse = MouseSpring(0.2 * modulus, 0.02 * modulus)
-    return replace(scenario, model=replace(scenario.model, mouse=mouse))
+    mouse = MouseSpring(0.2 * springs.modulus, 0.02 * springs.modulus)
+    model = replace(scenario.model, mouse=mouse)
+    # Include the damping rates of dashpots, which the user may switch on later.
+    damped = replace(model, springs=replace(springs, eta=1.0))
+    spectrum = spectrum_of(scene, scenario.lattice, damped)
+    return Start(replace(scenario, model=model), body, spectrum)
 
 
 class Timeline:
     """The states since the last start.
 
     Attributes:
-        scenario: the scene at t = 0.
-        body: its unloaded lattice.
-        spectrum: of the springs at t = 0.
+        start: how the scene started.
         segment: the segment that moves.
         spacing: time between two stored states [R/c]; storing one takes longer than a
             few steps.
@@ -243,34 +263,25 @@ class Timeline:
             state reached before the scene began again with a shorter step.
     """
 
-    def __init__(
-        self, scene: Scene, kernels: KernelCache, memory: Memory | None = None
-    ) -> None:
-        """Begin at t = 0 of a scene. Raises TaichiDiskError if the scene cannot be
-        computed."""
-        self._memory = memory or Memory()
-        scene = scene.in_time()
-        self.body: Lattice = body_of(scene)
-        self.scenario: Scenario = with_mouse(scene, self.body)
-        model = self.scenario.model
-        # Include the damping rates of dashpots, which the user may switch on later.
-        damped = replace(model, springs=replace(model.springs, eta=1.0))
-        self.spectrum: Spectrum = spectrum_of(scene, self.scenario.lattice, damped)
+    def __init__(self, start: Start, kernels: KernelCache, memory: Memory) -> None:
+        """Begin at t = 0. Raises TaichiDiskError if the scene cannot be computed."""
+        self._memory = memory
+        self.start = start
         self.checkpoints: list[Checkpoint] = []
-        self.spacing = STORE_SPACING * model.springs.time_unit
-        self._follow(Segment(StepControl(self.scenario, self.spectrum), kernels))
+        self.spacing = STORE_SPACING * start.scenario.model.springs.time_unit
+        self._follow(Segment(StepControl(start.scenario, start.spectrum), kernels))
 
     def carry_on(
-        self, scene: Scene, label: str, velocities: Array | None = None
+        self, start: Start, label: str, velocities: Array | None = None
     ) -> None:
         """Begin another segment from the present state, or with other `velocities` (n,
-        2) [c].
+        2) [c]. `start`: how the changed scene would start with this lattice.
 
         Raises TaichiDiskError, and then leaves everything as it was.
         """
         last = self.segment
         now = self.segment.present
-        scenario = with_mouse(scene, self.body)
+        scenario = start.scenario
         point_force = scenario.point_force
         # a time step set by the user would be refused for the force of a blow-up
         if last.status != "failed":
@@ -283,7 +294,7 @@ class Timeline:
             point_force=point_force,
         )
         segment = Segment(
-            control=StepControl(scenario, self.spectrum),
+            control=StepControl(scenario, self.start.spectrum),
             kernels=last.kernels,
             label=label,
             began=now.t,

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.lattice import Array
+from taichi_disk.lattice import Array, Lattice
 from taichi_disk.scenes import Scene
 from taichi_disk.simulation.observables import INDEX
 from taichi_disk.simulation.simulation import KernelCache
@@ -23,7 +23,9 @@ from taichi_disk.window.history import (
     PULLED,
     Memory,
     Segment,
+    Start,
     Timeline,
+    start_of,
 )
 
 IMMEDIATE_KEYS = (
@@ -47,6 +49,9 @@ MAX_RESULTS = 200  # most rows of the table of results
 # simulated time per second of the clock while a curve is collected [R/c per s]
 COLLECTING_PACE = 50.0
 COLLECTING_SPACING = 20.0  # factor by which stored states are further apart then
+
+
+StartOf = Callable[[Scene, Lattice | None], Start]  # as `start_of`
 
 
 def load_key(scene: Scene) -> str:
@@ -164,12 +169,15 @@ class Sandbox:
         kernels: KernelCache,
         memory: Memory | None = None,
         report: Callable[[Experiment], None] | None = None,
+        start_of: StartOf = start_of,
     ) -> None:
         """Begin with `scene`. `report` is called with each undisturbed experiment that
-        has come to its end. Raises TaichiDiskError."""
+        has come to its end. `start_of` computes how a scene starts. Raises
+        TaichiDiskError."""
         self.kernels = kernels
-        self._memory = memory
+        self._memory = memory or Memory()
         self._report = report
+        self._start_of = start_of
         self.scene = scene
         self.results: list[Experiment] = []
         self.begin()
@@ -180,8 +188,9 @@ class Sandbox:
 
         Raises TaichiDiskError, and then leaves everything as it was.
         """
-        self.time = Timeline(scene or self.scene, self.kernels, self._memory)
-        self.scene = self.time.segment.scenario.scene
+        scene = scene or self.scene
+        self.time = Timeline(self._start(scene), self.kernels, self._memory)
+        self.scene = replace(self.time.start.scenario.scene, video=scene.video)
         self.starts = self.starts + 1
         self.paused = True
         self.message = ""
@@ -190,6 +199,12 @@ class Sandbox:
         self.remaining_loads: list[float] = []
         self.grip: tuple[int, tuple[float, float]] | None = None
         self.drawn_throw: tuple[float, float] | None = None
+
+    def _start(self, scene: Scene, body: Lattice | None = None) -> Start:
+        """Return how a scene starts, with a given lattice or its own."""
+        if self.starts and self.time.start.is_of(scene):
+            return self.time.start
+        return self._start_of(scene, body)
 
     # ---- the present state
 
@@ -256,6 +271,9 @@ class Sandbox:
         scene is computed again with a shorter step, `seconds` has no influence.
         """
         segment = self.time.segment
+        if self.remaining_loads and segment.status == "finished":
+            self._collect_next()
+            return 0
         if self.time.lead > 0.0:
             return self._go(ceil(self.time.lead / segment.step.dt), max_seconds)
         if self.paused or segment.status == "failed":
@@ -299,7 +317,7 @@ class Sandbox:
         self.results = [*self.results, experiment][-MAX_RESULTS:]
         if self._report and not segment.label:
             self._report(experiment)
-        self.paused = True
+        self.paused = not self.remaining_loads
         digits = printed(experiment.result, experiment.value)
         name, _ = segment.scenario.primary(segment.columns)
         _, unit = words.labels[name]
@@ -307,12 +325,12 @@ class Sandbox:
         self.message = text
         if segment.label:
             self.message = f"{text}, {segment.label}"
-        if self.remaining_loads:
-            self._collect_next()
 
     def _collect_next(self) -> None:
-        self.collect(self.remaining_loads[1:])
-        if not self.remaining_loads:
+        loads = self.remaining_loads[1:]
+        if loads:
+            self.collect(loads)
+        else:
             key = load_key(self.scene)
             self.begin(with_key(self.scene, key, self._load_before))
             self.message = "the curve is complete; the disk is at the start again"
@@ -406,13 +424,10 @@ class Sandbox:
             return
         if key.startswith("video."):
             self.scene = scene
-        elif self.at_start or key not in (*IMMEDIATE_KEYS, *THROW_KEYS):
-            self.begin(scene)
         elif key in THROW_KEYS:
-            self.scene = scene
-            self.message = (
-                "a new velocity or angle takes effect at the next hit or start"
-            )
+            self._take_throw(scene)
+        elif self.at_start or key not in IMMEDIATE_KEYS:
+            self.begin(scene)
         else:
             self.remaining_loads = []
             self.release()
@@ -434,7 +449,7 @@ class Sandbox:
             scene: Any = self.scene
             v = self.time.segment.present.v
             impact = scene.impact
-            body = self.time.body
+            body = self.time.start.body
             disk = v[: body.disk_points]
             disk += (impact.along, -impact.towards) - body.mean(disk)
             self._carry_on(scene, HIT_AGAIN, v)
@@ -456,7 +471,8 @@ class Sandbox:
                 value = value_of(self.time.segment.scenario.scene, key)
                 if value is not None:
                     scene_of_hit = with_key(scene_of_hit, key, value)
-        self.time.carry_on(scene_of_hit, label, velocities)
+        start = self._start(scene_of_hit, self.time.start.body)
+        self.time.carry_on(start, label, velocities)
         self.scene = scene
         self.grip = None
         self.paused = self.paused and status not in ("failed", "finished")
@@ -477,7 +493,7 @@ class Sandbox:
             self.begin(self.scene.with_({"impact.turn": float(f"{turn:.4f}")}))
         else:
             now = self.time.segment.present
-            n = self.time.body.disk_points
+            n = self.time.start.body.disk_points
             vectors = now.snapshot.vectors.copy()
             vectors[0, :n] = turned(now.x[:n], angle)
             self.time.display = replace(
@@ -495,10 +511,21 @@ class Sandbox:
     def throw(self) -> None:
         """Apply the velocity and the angle of the drawn throw to the scene. Raises
         TaichiDiskError."""
-        values = self.drawn_throw
+        if not self.drawn_throw:
+            return
+        scene = self.scene
+        for key, value in zip(THROW_KEYS, self.drawn_throw, strict=True):
+            scene = with_key(scene, key, value)
+        self._take_throw(scene)
         self.drawn_throw = None
-        for key, value in zip(THROW_KEYS, values or (), strict=False):
-            self.set(key, value)
+
+    def _take_throw(self, scene: Scene) -> None:
+        """Take a scene with another velocity or angle."""
+        if self.at_start:
+            self.begin(scene)
+            return
+        self.scene = scene
+        self.message = "a new velocity or angle takes effect at the next hit or start"
 
     def pull(self, x: float, y: float) -> None:
         """Tie the disk's point nearest to (x, y) [R] to the mouse there, or move the
@@ -511,7 +538,8 @@ class Sandbox:
             return
         if not self.grip:
             self._carry_on(self.scene, PULLED)
-            disk = self.time.segment.present.x[: self.time.body.disk_points]
+            points = self.time.start.body.disk_points
+            disk = self.time.segment.present.x[:points]
             self.grip = int(np.hypot(*(disk - (x, y)).T).argmin()), (x, y)
         self.grip = self.grip[0], (x, y)
         self.time.segment.pull(*self.grip)

@@ -173,12 +173,14 @@ async def run(audience: Audience, door: Door, listening: socket.socket) -> None:
         logger=logger,
     )
     playing = asyncio.create_task(audience.run())
+    compiling = asyncio.create_task(audience.compile())
     try:
         while not playing.done():
             raise_if_interrupted()
             await asyncio.wait([playing], timeout=_POLL_INTERVAL)
         playing.result()
     finally:
+        compiling.cancel()
         serving.close()
         # Connections that have asked for nothing yet would be waited for.
         closed = asyncio.ensure_future(serving.wait_closed())
@@ -189,6 +191,7 @@ async def _meet(audience: Audience, connection: server.ServerConnection) -> None
     request = connection.request
     key = urlsplit(request.path).query if request else ""
     try:
+        await audience.prepare(key)
         page = audience.join(
             partial(server.broadcast, [connection]),
             connection.transport.get_write_buffer_size,

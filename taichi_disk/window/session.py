@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from contextlib import suppress
 from typing import Any
 from unicodedata import category, normalize
 
@@ -18,6 +20,8 @@ import numpy as np
 from taichi_disk import engine, runtime
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.fields import Triangles
+from taichi_disk.lattice import Lattice
+from taichi_disk.scenes import Scene
 from taichi_disk.simulation.observables import INDEX
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import colour_values, contact_forces, scene_message
@@ -29,9 +33,10 @@ from taichi_disk.window.controls import (
     Preset,
     described,
     values_of,
+    with_own_seed,
 )
 from taichi_disk.window.graphs import CURVES, Graphs, ScaleMaxima
-from taichi_disk.window.history import Memory
+from taichi_disk.window.history import Memory, Start, start_of
 from taichi_disk.window.sandbox import (
     MAX_COMPUTING_TIME,
     Experiment,
@@ -67,6 +72,12 @@ MAX_NAME = 12  # letters of a name
 MAX_BOARD = 2000  # most rows of the class's board
 # points; a larger lattice takes longer to build than a picture may take
 LARGE_LATTICE = 5000
+# keys for which other kernels are compiled: implicit dashpots, or none, many points
+KIND_CHANGES: tuple[dict[str, float], ...] = (
+    {"lattice.points": LARGE_LATTICE},
+    {"material.eta_star": 0.0},
+    {"material.eta_star": 100.0},
+)
 HEADER = struct.Struct("<IdIIiI2f")  # see `Session._state`
 PAST_HINT = "earlier state: Go on continues from here"
 AIM_HINT = "drag the disk to turn it, or from beside it to aim"
@@ -117,6 +128,17 @@ class Common:
         self.memory = Memory()
         self.board: list[dict[str, Any]] = []
 
+    def kinds(self) -> Iterator[Scene]:
+        """Yield scenes that together need the kernels of the program's list; for many
+        players also those to which they come by sliders."""
+        scenes = [entry.load() for entry in self.playlist if entry.group]
+        yield from scenes
+        if not self.address:
+            return
+        for scene in scenes:
+            for change in KIND_CHANGES:
+                yield scene.with_(change)
+
     def report(self, disk: int, player: str, experiment: Experiment) -> None:
         """Enter an experiment with a disk into the board."""
         if len(self.board) < MAX_BOARD:
@@ -134,6 +156,11 @@ class Common:
         return {"address": self.address, "code": code}
 
 
+class Later(BaseException):
+    """How a scene starts is still being computed by another thread. No command may
+    catch this: it is carried out once more when the thread has ended."""
+
+
 class Session:
     """One sandbox. `ti.init` must have been called; neither a display nor Vulkan is
     needed.
@@ -147,17 +174,29 @@ class Session:
         disk, name: number of this session, and name that its user has chosen, or "".
     """
 
-    def __init__(self, common: Common, disk: int = 1) -> None:
-        """Begin with the first scene of the list. Raises TaichiDiskError if the scene
-        cannot be built."""
+    def __init__(
+        self, common: Common, disk: int = 1, builder: Executor | None = None
+    ) -> None:
+        """Begin with the first scene of the list. `builder`: computes how further
+        scenes start, so that other sessions need not wait; None: nobody else waits.
+        Raises TaichiDiskError if the scene cannot be built."""
         self._program = engine.program()
         self._common = common
+        self._builder: Executor | None = None
+        # scene and lattice of which the start is being computed, and the result
+        self._awaited: tuple[Scene, Lattice | None, Future[Start]] | None = None
+        self._command: tuple[Any, ...] = ()  # that waits for it
         self.disk = disk
         self.name = ""
         self.sandbox = Sandbox(
-            common.first, common.kernels, common.memory, self._report
+            scene=with_own_seed(common.first, disk),
+            kernels=common.kernels,
+            memory=common.memory,
+            report=self._report,
+            start_of=self._start_of,
         )
-        self.controls = Controls(self.sandbox, common.playlist)
+        self._builder = builder
+        self.controls = Controls(self.sandbox, common.playlist, disk)
         self.graphs = Graphs(self.sandbox)
         self.scales = ScaleMaxima(self.sandbox)
         self.number = 0
@@ -218,6 +257,8 @@ class Session:
         sandbox = self.sandbox
         return bool(
             self._pending
+            or self._command
+            or sandbox.remaining_loads
             or sandbox.grip
             or sandbox.time.lead > 0.0
             or not sandbox.paused
@@ -233,7 +274,8 @@ class Session:
             if engine.program() is not self._program:
                 raise TaichiDiskError("ti.init or ti.reset has ended the simulation")
             self._carry_out_commands()
-            self.sandbox.tick(max_seconds)
+            with suppress(Later):
+                self.sandbox.tick(max_seconds)
             self._write_messages()
         except Exception as error:
             self._begin_anew(described(error))
@@ -245,10 +287,29 @@ class Session:
         self._write_messages()
 
     def _carry_out_commands(self) -> None:
-        pending = self._pending
-        self._pending = {}
-        for kind, *values in map(dict.values, pending.values()):
-            self.controls.attempt(self._carry_out, kind, *values)
+        while self._command or self._pending:
+            if not self._command:
+                first = next(iter(self._pending))
+                self._command = tuple(self._pending.pop(first).values())
+            try:
+                self.controls.attempt(self._carry_out, *self._command)
+            except Later:
+                return
+            self._command = ()
+
+    def _start_of(self, scene: Scene, body: Lattice | None = None) -> Start:
+        """Return how a scene starts, or raise Later until the builder knows it."""
+        if self._builder is None:
+            return start_of(scene, body)
+        known = self._awaited
+        if known is None or known[0] != scene or known[1] is not body:
+            result = self._builder.submit(start_of, scene, body)
+            self._awaited = scene, body, result
+            raise Later
+        if not known[2].done():
+            raise Later
+        self._awaited = None
+        return known[2].result()
 
     def _carry_out(self, kind: str, *values: Any) -> None:
         name, _ = _COMMANDS[kind]
@@ -258,7 +319,10 @@ class Session:
     def _begin_anew(self, reason: str) -> None:
         """Begin the present scene, with kernels of the present engine."""
         sandbox = self.sandbox
+        builder = self._builder
+        self._builder = None  # the start is needed now
         self._pending = {}
+        self._command = ()
         try:
             runtime.start()
             sandbox.begin()
@@ -267,6 +331,8 @@ class Session:
         except Exception as error:
             sandbox.paused = True
             sandbox.message = f"{reason}: {described(error)}"
+        finally:
+            self._builder = builder
 
     def _write_messages(self) -> None:
         self.number += 1

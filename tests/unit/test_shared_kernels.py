@@ -39,13 +39,11 @@ def moved(sandbox: Sandbox, k: int) -> None:
     sandbox.advance(0.03, np.inf)
 
 
-def test_sandboxes_in_turn_move_as_each_does_alone() -> None:
+def test_sandboxes_in_turn_move_as_each_does_alone(kernels: KernelCache) -> None:
     ends = []
     for count in (1, len(SCENES)):
-        shared = KernelCache()
         groups = [SCENES] if count > 1 else [[one] for one in SCENES]
         for group in groups:
-            kernels = shared if count > 1 else KernelCache()
             boxes = [Sandbox(load_scene(*one), kernels) for one in group]
             for one in boxes:
                 one.pause()
@@ -58,6 +56,7 @@ def test_sandboxes_in_turn_move_as_each_does_alone() -> None:
         assert np.array_equal(alone[1], together[1])
 
 
+@pytest.mark.validate
 def test_a_simulation_that_a_larger_lattice_replaces_goes_on_from_its_state() -> None:
     kernels = KernelCache()
     small = Sandbox(load_scene("exponential_wall", SCENES[0][1]), kernels)

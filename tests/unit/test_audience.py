@@ -1,0 +1,348 @@
+"""Many pages without a browser: each has a disk of its own, and none waits for
+another."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Awaitable, Callable
+from threading import Event
+from typing import Any
+
+import pytest
+
+from taichi_disk.computation.outcome import compute
+from taichi_disk.errors import InputError
+from taichi_disk.window import audience as pages
+from taichi_disk.window.audience import Audience, Full
+from taichi_disk.window.history import start_of
+from taichi_disk.window.session import HEADER, Common
+
+
+class Reader:
+    """A page without a browser: keeps what it is sent, and draws when it is told to."""
+
+    def __init__(self, audience: Audience, key: str = "") -> None:
+        self.audience = audience
+        self.texts: dict[str, Any] = {}
+        self.numbers: list[int] = []
+        self.board: list[Any] = []
+        self.page = audience.join(self.take, key=key)
+        self.session = self.page.seat.session
+        self.sandbox = self.session.sandbox
+
+    def take(self, message: str | bytes) -> None:
+        if isinstance(message, bytes):
+            self.numbers.append(HEADER.unpack(message[: HEADER.size])[0])
+            return
+        content = json.loads(message)
+        self.texts[content["kind"]] = content
+        if content["kind"] == "board":
+            self.board[content["from"] :] = content["rows"]
+
+    def say(self, kind: str, **more: Any) -> None:
+        self.audience.hear(self.page, json.dumps({"do": kind} | more))
+
+    def leave(self) -> None:
+        self.audience.leave(self.page)
+
+    async def draw(self, pictures: int) -> None:
+        for _ in range(pictures):
+            await asyncio.sleep(0.01)
+            if self.numbers:
+                self.say("seen", number=self.numbers[-1])
+
+    @property
+    def key(self) -> str:
+        return str(self.texts["session"]["key"])
+
+
+def visit(
+    common: Common, act: Callable[[Audience], Awaitable[None]], **more: Any
+) -> None:
+    async def visited() -> None:
+        audience = Audience(common, **more)
+        running = asyncio.create_task(audience.run())
+        await act(audience)
+        assert not running.done()
+        running.cancel()
+
+    asyncio.run(visited())
+
+
+async def drawn(*readers: Reader, pictures: int = 3) -> None:
+    await asyncio.gather(*(one.draw(pictures) for one in readers))
+
+
+def test_a_page_gets_no_more_states_than_it_draws_and_holds_up_nobody(
+    common: Common,
+) -> None:
+    async def act(audience: Audience) -> None:
+        player, sleeper = Reader(audience), Reader(audience)
+        player.say("press", key="space")
+        sleeper.say("press", key="space")
+        await player.draw(60)
+        assert len(player.numbers) > 10 and len(sleeper.numbers) <= 4
+        t = sleeper.sandbox.time.display.t
+        await asyncio.sleep(0.3)  # both pages are hidden
+        assert sleeper.sandbox.time.display.t == t
+        # or its states were lost: it says that it waits for none
+        player.numbers.clear()
+        player.say("seen", number=9e6)
+        await asyncio.sleep(0.1)
+        assert player.numbers
+
+    visit(common, act)
+
+
+def test_each_page_has_a_disk_of_its_own_and_gets_it_back(common: Common) -> None:
+    async def act(audience: Audience) -> None:
+        one, other = Reader(audience), Reader(audience)
+        await drawn(one, other)
+        one.say("press", key="space")
+        one.say("press", key="t")
+        other.say("press", key="n")
+        await drawn(one, other, pictures=10)
+        assert not one.sandbox.paused and other.sandbox.paused
+        assert other.session.controls.number == 1 and one.session.controls.number == 0
+        assert other.sandbox.scene.video.theme == "light"
+        assert one.key != other.key
+        one.say("pull", x=0.0, y=2.5)
+        await drawn(one, other)
+        one.leave()
+        assert one.sandbox.paused
+        await other.draw(3)
+        again, stranger = Reader(audience, one.key), Reader(audience, "unknown")
+        await drawn(again, stranger)
+        assert again.session is one.session and not again.sandbox.grip
+        assert again.texts["session"]["key"] == one.key
+        assert stranger.session not in (one.session, other.session)
+        twin = Reader(audience, one.key)  # a tab that was duplicated
+        await drawn(again, twin)
+        twin.say("press", key="t")
+        await drawn(again, twin)
+        assert again.texts["panel"] == twin.texts["panel"]
+        twin.leave()
+        assert len(audience.seats) == 3
+
+    visit(common, act)
+
+
+def test_a_session_is_forgotten_after_a_while_or_when_there_is_no_room(
+    common: Common, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def act(audience: Audience) -> None:
+        readers = [Reader(audience) for _ in range(3)]
+        await drawn(*readers)
+        with pytest.raises(Full, match="All 3 disks are in use"):
+            Reader(audience)
+        readers[1].leave()
+        readers[0].leave()
+        Reader(audience)  # in place of the one who left first
+        assert readers[1].key not in audience.seats
+        assert readers[0].key in audience.seats
+        await asyncio.sleep(0.5)
+        Reader(audience)
+        assert readers[0].key not in audience.seats
+        assert common.memory.sharers == 3
+
+    visit(common, act, keep_time=0.4, max_seats=3)
+
+
+def test_undisturbed_results_of_everybody_are_on_every_page(common: Common) -> None:
+    async def act(audience: Audience) -> None:
+        readers = [Reader(audience) for _ in range(3)]
+        readers[1].say("rename", text=" \u202e12Ａda<7> ")
+        for k, one in enumerate(readers[:2]):
+            one.say("set", key="impact.velocity", value=0.04 + 0.02 * k)
+            one.say("set", key="speed", value=50.0)
+            one.say("press", key="space")
+        for _ in range(300):
+            await drawn(*readers, pictures=1)
+            if len(readers[2].board) == 2:
+                break
+        late = Reader(audience)
+        await drawn(*readers, late)
+        for one in (*readers, late):
+            assert {row["load"] for row in one.board} == {0.04, 0.06}
+            assert {row["player"] for row in one.board} == {"disk 1", "Ada"}
+        readers[0].say("clear")
+        await drawn(*readers)
+        assert len(late.board) == 2 and not readers[0].sandbox.results
+
+    visit(common, act)
+
+
+@pytest.mark.parametrize(("cost", "pause"), [(0.05, 0.15), (0.001, 1 / 60), (9, 0.25)])
+def test_a_session_waits_longer_the_longer_it_has_computed(
+    common: Common, monkeypatch: pytest.MonkeyPatch, cost: float, pause: float
+) -> None:
+    """Six sessions want a picture, and each may take at most twice its part."""
+    reader = Reader(Audience(common))
+    used = 0.0
+
+    def advance(_: float) -> None:
+        nonlocal used
+        used += cost
+        reader.session.messages["state"] = b"\1" + bytes(HEADER.size)
+
+    monkeypatch.setattr(reader.session, "advance", advance)
+    monkeypatch.setattr(pages, "thread_time", lambda: used)
+    monkeypatch.setattr(pages, "perf_counter", lambda: 100.0)
+    reader.say("press", key="space")
+    reader.audience._serve(reader.page.seat, 6)
+    assert reader.page.seat.due == pytest.approx(100.0 + pause)
+
+
+def test_who_has_waited_longest_is_served_first(common: Common) -> None:
+    served: list[int] = []
+
+    async def act(audience: Audience) -> None:
+        readers = [Reader(audience) for _ in range(4)]
+        await drawn(*readers)
+        for one in readers:
+            one.say("press", key="space")
+            # no more than one picture in turn
+            one.page.acknowledge(10**6)
+        for _ in range(60):
+            served.append([len(one.numbers) for one in readers])
+            await drawn(*readers, pictures=1)
+
+    visit(common, act)
+    assert served[-1][0] > 5
+    assert max(max(counts) - min(counts) for counts in served) <= 3
+
+
+def test_a_lattice_that_is_being_built_holds_up_nobody_else(
+    common: Common, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    may_end = Event()
+
+    def slowly(scene: Any, body: Any) -> Any:
+        assert may_end.wait(20.0)
+        return start_of(scene, body)
+
+    def fail(*_: Any) -> Any:
+        raise InputError("no such lattice")
+
+    async def act(audience: Audience) -> None:
+        builder, other = Reader(audience), Reader(audience)
+        await drawn(builder, other)
+        monkeypatch.setattr("taichi_disk.window.session.start_of", slowly)
+        other.say("press", key="space")
+        builder.say("press", key="l")
+        builder.say("press", key="t")
+        await drawn(builder, other, pictures=20)
+        assert len(other.numbers) > 10
+        assert builder.sandbox.scene.lattice.seed == 0
+        # what was said later is done later
+        assert builder.sandbox.scene.video.theme == "light"
+        may_end.set()
+        while builder.sandbox.scene.video.theme == "light":
+            await drawn(builder, other, pictures=1)
+        assert builder.sandbox.scene.lattice.seed == 1
+        # a lattice that cannot be built is the sandbox's message
+        monkeypatch.setattr("taichi_disk.window.session.start_of", fail)
+        builder.say("press", key="l")
+        builder.say("press", key="t")
+        while builder.sandbox.scene.video.theme == "dark":
+            await drawn(builder, other, pictures=1)
+        assert builder.texts["panel"]["message"] == "no such lattice"
+        assert builder.sandbox.scene.lattice.seed == 1
+
+    visit(common, act)
+
+
+def test_a_throw_that_is_drawn_counts_once_its_start_is_known(common: Common) -> None:
+    async def act(audience: Audience) -> None:
+        one = Reader(audience)
+        await drawn(one)
+        one.say("aim", dx=0.4, dy=-0.8)
+        one.say("throw")
+        one.say("press", key="space")
+        while one.sandbox.at_start:
+            await one.draw(1)
+        impact = one.sandbox.scene.impact  # type: ignore[union-attr]
+        assert (impact.velocity, impact.angle) == (0.0447, 0.464)
+
+    visit(common, act)
+
+
+@pytest.mark.validate
+def test_three_pages_at_once_each_get_the_result_of_run(common: Common) -> None:
+    async def act(audience: Audience) -> None:
+        readers = [Reader(audience) for _ in range(3)]
+        for k, one in enumerate(readers):
+            one.say("play", number=k)
+            one.say("set", key="speed", value=100.0)
+            one.say("press", key="space")
+        while not all(one.sandbox.results for one in readers):
+            await drawn(*readers, pictures=1)
+        for k, one in enumerate(readers):
+            assert one.sandbox.scene.lattice.seed == k  # a lattice of its own
+            scenario = one.sandbox.scene.scenario()
+            outcome = compute(scenario, estimate=False)
+            expected = scenario.primary(outcome.series)[1]
+            assert one.sandbox.results[0].value == expected
+
+    visit(common, act)
+
+
+def test_kernels_are_compiled_while_nobody_plays(
+    common: Common, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pages, "QUIET_TIME", 0.1)
+    begun: list[str] = []
+    monkeypatch.setattr(
+        pages, "Timeline", lambda start, *_: begun.append(start.scenario.scene.scene)
+    )
+    common.playlist = [one._replace(group="Throw") for one in common.playlist]
+
+    async def act(audience: Audience) -> None:
+        player = Reader(audience)
+        player.say("set", key="speed", value=0.01)
+        player.say("press", key="space")
+        await player.draw(3)
+        compiling = asyncio.create_task(audience.compile())
+        await player.draw(20)
+        assert not begun
+        player.say("press", key="space")
+        while not compiling.done():
+            await player.draw(1)
+        assert begun == ["exponential_wall", "absorbing_wall", "compression"]
+
+    visit(common, act)
+
+
+@pytest.mark.validate
+def test_the_disk_goes_on_while_a_film_is_made_for_its_page(common: Common) -> None:
+    async def act(audience: Audience) -> None:
+        player, other = Reader(audience), Reader(audience)
+        await drawn(player, other)
+        player.say("set", key="speed", value=0.05)
+        player.say("press", key="space")
+        player.say("film")
+        player.say("film")  # one is enough
+        counts = len(player.numbers)
+        while "film" not in player.texts:
+            await drawn(player, other, pictures=1)
+            assert not player.page.film or player.texts["session"]["awaitsFilm"]
+        assert len(player.numbers) > counts + 50
+        page = player.texts["film"]["page"]
+        assert page.startswith("<!doctype html>") and "states" in page
+        await drawn(player, other)
+        assert "film" not in other.texts
+        assert not player.texts["session"]["awaitsFilm"]
+        player.sandbox.set("impact.max_time", 0.1)  # `run` fails
+        player.say("film")
+        while "max_time" not in player.texts["panel"]["message"]:
+            await player.draw(1)
+        player.say("film")
+        await player.draw(1)
+        task = player.page.film
+        assert task
+        player.leave()
+        await asyncio.wait([task], timeout=10.0)
+        assert task.cancelled()
+
+    visit(common, act)
