@@ -143,6 +143,17 @@ def test_links_resolve(page):
             ]
 
 
+@every_page
+def test_python_files_that_a_page_names_exist(page):
+    if page.name == "changelog.md":  # of versions before, too
+        return
+    known = [*ROOT.glob("taichi_disk/**/*.py"), *ROOT.glob("tests/**/*.py")]
+    known += ROOT.glob("docs/*/*.py")
+    paths = [f"/{path.relative_to(ROOT)}" for path in known]
+    for name in re.findall(r"`([a-z_/]+\.py)`", prose(page)):
+        assert any(path.endswith(f"/{name}") for path in paths), name
+
+
 @pytest.mark.parametrize("name", ["results.md", "stability.md"])
 def test_every_number_of_a_table_is_in_the_data_named_below_it(name):
     page = ROOT / "docs" / name
