@@ -3,18 +3,16 @@ on the result."""
 
 from __future__ import annotations
 
-import math
 import sys
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field, replace
+from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from taichi_disk import runtime
 from taichi_disk.accuracy.steps import StepError, StepStudy
-from taichi_disk.computation.outcome import compute
+from taichi_disk.api.lattices import compare_lattices
+from taichi_disk.computation.outcome import Outcome, compute
 from taichi_disk.computation.stability import spectrum
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.integrators import INTEGRATORS
@@ -29,16 +27,15 @@ from taichi_disk.output.plot import matplotlib_style
 from taichi_disk.output.run_folder import refuse_run
 from taichi_disk.progress import Progress, terminal
 from taichi_disk.scenes import Scene
+from taichi_disk.scenes.setup import outcome_of
 from taichi_disk.simulation.observables import BLUE, GREEN, ORANGE, PINK, RED
 
 SEEDS = 8
-# factors of the number of points, at equal mass, stiffness and viscosity of the disk
-REFINEMENTS = (4, 16, 64)
-MAX_POINTS = 200_000  # largest disk of a refinement, except for the first
-HARDNESS_FACTORS = (3.0, 10.0)  # factors of wall.a
-SAMPLE = "lattice sample"
-POINTS = "points"
-WALL = "wall hardness"
+FINER_LATTICE = 4  # factor of the number of points
+HARDER_WALL = 10.0  # factor of wall.a
+SCATTER = "lattice scatter"
+FINER = f"{FINER_LATTICE} times the points"
+HARDER = f"wall {HARDER_WALL:g} times as hard"
 # in lattice scatters: a larger difference is an effect of the number of points
 SIGNIFICANCE = 2.0
 # colours of the integrators
@@ -46,86 +43,9 @@ COLOURS = dict(zip(INTEGRATORS, (BLUE, RED, GREEN, ORANGE, PINK), strict=False))
 TABLE_WIDTH = 120  # width of a printed table without a terminal
 
 
-@dataclass(frozen=True)
-class Change:
-    """A change of the scene and its effect on the primary result."""
-
-    source: str  # source of error
-    change: str  # description of the change
-    # changed keys, as `DiskScene.with_` takes them
-    keys: dict[str, Any] = field(default_factory=dict)
-    result: float = math.nan  # primary result; NaN if the run failed
-    difference: float = math.nan  # result minus that of the unchanged scene
-    remark: str = ""  # why the run failed
-
-
-@dataclass(frozen=True)
-class Findings:
-    """Measured errors of the primary result `name`."""
-
-    name: str
-    steps: list[StepError]  # empty for an equilibrium
-    sources: list[Change]  # the unchanged scene first
-
-    @property
-    def step(self) -> float:
-        """Error of the primary result at the default step of `run`; 0 for an
-        equilibrium."""
-        return next((step.error for step in self.steps if step.is_default), 0.0)
-
-    @property
-    def samples(self) -> list[float]:
-        return [
-            self.sources[0].result,
-            *(change.result for change in self.sources if change.source == SAMPLE),
-        ]
-
-    @property
-    def scatter(self) -> float:
-        results = [result for result in self.samples if math.isfinite(result)]
-        return float(np.std(results, ddof=1)) if len(results) > 1 else math.nan
-
-    def last_difference(self, source: str) -> float:
-        """Return the difference due to the last successful change of `source`; NaN if
-        there is none."""
-        differences = [
-            change.difference
-            for change in self.sources
-            if change.source == source and not change.remark
-        ]
-        return differences[-1] if differences else math.nan
-
-    @property
-    def sentence(self) -> str:
-        """Summary of the errors, with advice on the largest."""
-        finest = self.last_difference(POINTS)
-        scatter = self.scatter
-        parts = ["no time step (an equilibrium)"]
-        advice = "nothing to gain"
-        if self.steps:
-            parts = [f"time step {self.step:.1g}"]
-            advice = "use smaller steps (time.tolerance)"
-        others = (
-            ("lattice scatter", scatter),
-            ("finest lattice", finest),
-            ("hardest wall", self.last_difference(WALL)),
-        )
-        parts += [
-            f"{name} {value:.1g}" for name, value in others if math.isfinite(value)
-        ]
-        more = []
-        if scatter > self.step:
-            more.append("seeds")
-        if abs(finest) > max(SIGNIFICANCE * scatter, self.step):
-            more.append("points")
-        if more:
-            advice = f"use more {' and '.join(more)}, not smaller steps"
-        return f"{self.name}: {', '.join(parts)}: {advice}"
-
-
 def study(scene: Scene, out: Path, title: str) -> None:
-    """Measure the errors of a scene's primary result, print them, and write tables and
-    a picture to `out`.
+    """Measure the errors of a scene's primary result, print what limits it, and write a
+    table and a picture to `out`.
 
     Raises InputError if `out` holds a run or cannot be written, if the scene's dt
     exceeds the stability limit, or for a wall with friction; SimulationError if the
@@ -136,105 +56,126 @@ def study(scene: Scene, out: Path, title: str) -> None:
     try:
         runtime.start()
         with terminal(sys.stderr) as progress:
-            findings = assess(scene, progress)
-        report(findings, out, title)
+            steps = step_errors(scene, progress)
+            changes = effects(scene, progress)
+        name = scene.results[0]
+        report(name, steps, sentence(name, steps, changes), out, title)
     except BaseException:
         remove_empty(made)
         raise
     print(f"files in {out}")
 
 
-def assess(scene: Scene, progress: Progress) -> Findings:
+def step_errors(scene: Scene, progress: Progress) -> list[StepError]:
+    """Return the errors of several steps of each integrator; none for an
+    equilibrium."""
     scenario = scene.scenario()
-    study = None
     progress("simulate", 0, None)
     if scenario.model.has_friction:
         raise InputError(
             "wall.friction: must be 0, because the reference solution needs smooth"
             " forces; `run` also estimates errors"
         )
-    if scenario.step_dependent:
-        outcome = compute(scenario, estimate=False)
-        study = StepStudy(scenario, spectrum(scenario.lattice, scenario.model), outcome)
-    others = list(changes(scene))
-    base = result_of(scene)
-    steps = []
-    if study:
-        count = 1 + len(study.runs)
-        progress("reference and steps", 0, count)
-        steps = study.measure(lambda done: progress("reference and steps", done, count))
-    sources = [Change("scene", "as it is", result=base, difference=0.0)]
-    for number, change in enumerate(others):
-        progress("compare", number, len(others))
-        sources.append(with_result(scene, base, change))
-    return Findings(scene.results[0], steps, sources)
-
-
-def changes(scene: Scene) -> Iterator[Change]:
-    lattice = scene.lattice
-    a = scene.wall.a
-    if lattice.file == "none":  # user-supplied points have no other random sample
-        for seed in range(lattice.seed + 1, lattice.seed + SEEDS):
-            yield Change(SAMPLE, f"seed {seed}", {"lattice.seed": seed})
-        for factor in REFINEMENTS:
-            if factor > REFINEMENTS[0] and factor * lattice.points > MAX_POINTS:
-                break
-            keys = scene.changes_with("lattice.points", factor * lattice.points)
-            # A reset acts on each boundary point like a drag of 2 m/interval.
-            if scene.reset_interval:
-                keys["wall.reset_interval"] = scene.reset_interval / math.sqrt(factor)
-            text = f"N = {factor * lattice.points:,}"
-            if scene.material.dashpots[1]:
-                text += ", same η"
-            yield Change(POINTS, text, keys)
-    for multiple in HARDNESS_FACTORS:
-        yield Change(WALL, f"a = {multiple * a:g}/R", {"wall.a": multiple * a})
-
-
-def with_result(scene: Scene, base: float, change: Change) -> Change:
-    try:
-        result = result_of(scene.with_(change.keys))
-    except TaichiDiskError as error:
-        return replace(change, remark=str(error))
-    return replace(change, result=result, difference=result - base)
-
-
-def result_of(scene: Scene) -> float:
-    """Compute the primary result, by Newton's method if it does not depend on the
-    step."""
-    # The step is automatic, because a user's dt rarely suits a finer lattice.
-    scenario = replace(scene, time=replace(scene.time, dt="auto")).scenario()
     if not scenario.step_dependent:
-        return scenario.primary(scenario.quasistatic(loads=1).series)[1]
+        return []
     outcome = compute(scenario, estimate=False)
-    return scenario.primary(outcome.series)[1]
+    study = StepStudy(scenario, spectrum(scenario.lattice, scenario.model), outcome)
+    count = 1 + len(study.runs)
+    progress("reference and steps", 0, count)
+    return study.measure(lambda done: progress("reference and steps", done, count))
+
+
+def effects(scene: Scene, progress: Progress) -> dict[str, float]:
+    """Return the scatter of the primary result over lattices, and its changes on a
+    finer lattice and on a harder wall; without those that have no result."""
+    # The step is automatic, because a user's dt rarely suits a finer lattice, and an
+    # equilibrium is solved for.
+    scene = scene.with_({"time.dt": "auto"})
+    if scene.homes("method"):
+        scene = scene.with_(method="newton")
+    outcome = outcome_of(scene, estimate=False)
+    name = scene.results[0]
+    found = {}
+    if scene.lattice.file == "none":  # there is no other sample of a user's points
+        compared = compare_lattices(outcome, SEEDS, progress, force=False)
+        if name in compared:
+            found[SCATTER] = compared[name]["standard_deviation"]
+        progress("compare", 0, 2)
+        with suppress(TaichiDiskError):
+            found[FINER] = _result(_finer(scene)) - _primary(outcome)
+    progress("compare", 1, 2)
+    with suppress(TaichiDiskError):
+        harder = scene.with_({"wall.a": HARDER_WALL * scene.wall.a})
+        found[HARDER] = _result(harder) - _primary(outcome)
+    return found
+
+
+def _finer(scene: Scene) -> Scene:
+    """Return the scene with more points, and equal mass, stiffness and viscosity of the
+    disk."""
+    points = FINER_LATTICE * scene.lattice.points
+    keys = scene.changes_with("lattice.points", points)
+    # A reset acts on each boundary point like a drag of 2 m/interval.
+    if scene.reset_interval:
+        keys["wall.reset_interval"] = scene.reset_interval / FINER_LATTICE**0.5
+    return scene.with_(keys)
+
+
+def _result(scene: Scene) -> float:
+    return _primary(outcome_of(scene, estimate=False))
+
+
+def _primary(outcome: Outcome) -> float:
+    return outcome.scenario.primary(outcome.series)[1]
 
 
 # ---- the report
 
 
-def report(findings: Findings, out: Path, title: str) -> None:
-    """Print the findings and write accuracy.md, error_sources.csv and, for impacts,
-    accuracy.csv and accuracy.png.
+def sentence(name: str, steps: list[StepError], changes: dict[str, float]) -> str:
+    """Return what limits the result `name`, and advice. `changes`: as `effects` returns
+    them."""
+    step = 0.0
+    parts = ["no time step (an equilibrium)"]
+    advice = "nothing to gain"
+    if steps:
+        step = next(one.error for one in steps if one.is_default)
+        parts = [f"time step {step:.1g}"]
+        advice = "use smaller steps (time.tolerance)"
+    for effect, change in changes.items():
+        parts.append(f"{effect} {change:.1g}")
+    scatter = changes.get(SCATTER, 0.0)
+    more = []
+    if scatter > step:
+        more.append("seeds")
+    if abs(changes.get(FINER, 0.0)) > max(SIGNIFICANCE * scatter, step):
+        more.append("points")
+    if more:
+        advice = f"use more {' and '.join(more)}, not smaller steps"
+    return f"{name}: {', '.join(parts)}: {advice}"
+
+
+def report(
+    name: str, steps: list[StepError], answer: str, out: Path, title: str
+) -> None:
+    """Print the answer and the errors of steps in the result `name`, and write
+    accuracy.md and, for impacts, accuracy.csv and accuracy.png.
 
     Raises SimulationError if a file cannot be written.
     """
     from rich.console import Console
     from rich.markdown import Markdown
 
-    text = tables(findings)
-    write_text(out / "accuracy.md", f"# {title}\n\n{findings.sentence}.\n\n{text}\n")
-    write_csv(out / "error_sources.csv", [_source_row(one) for one in findings.sources])
-    if findings.steps:
-        write_csv(out / "accuracy.csv", [_step_row(step) for step in findings.steps])
-        draw(findings, out / "accuracy.png", title)
-    print(findings.sentence)
-    Console(width=None if sys.stdout.isatty() else TABLE_WIDTH).print(Markdown(text))
-
-
-def _source_row(change: Change) -> dict[str, Any]:
-    columns = ("source", "change", "result", "difference", "remark")
-    return {name: getattr(change, name) for name in columns}
+    text = table(steps)
+    write_text(out / "accuracy.md", f"# {title}\n\n{answer}.\n\n{text}\n")
+    print(answer)
+    if steps:
+        write_csv(out / "accuracy.csv", [_step_row(step) for step in steps])
+        draw(name, steps, out / "accuracy.png", title)
+        width = None
+        if not sys.stdout.isatty():
+            width = TABLE_WIDTH
+        Console(width=width).print(Markdown(text))
 
 
 def _step_row(step: StepError) -> dict[str, Any]:
@@ -242,17 +183,16 @@ def _step_row(step: StepError) -> dict[str, Any]:
     return {own.get(name, name): value for name, value in asdict(step).items()}
 
 
-def tables(findings: Findings) -> str:
-    lines = []
-    if findings.steps:
-        lines += [
-            (
-                "| integrator | step/limit | steps | ms | ns/spring | error | position"
-                " | energy |"
-            ),
-            "|---" * 8 + "|",
-        ]
-    for p in findings.steps:
+def table(steps: list[StepError]) -> str:
+    """Return the table of steps; empty for an equilibrium."""
+    if not steps:
+        return ""
+    lines = [
+        "| integrator | step/limit | steps | ms | ns/spring | error | position"
+        " | energy |",
+        "|---" * 8 + "|",
+    ]
+    for p in steps:
         name = p.integrator
         if p.is_default:
             name += " (run)"
@@ -261,63 +201,30 @@ def tables(findings: Findings) -> str:
             f"{p.error:.1e} | {p.trajectory_error:.1e} | {p.closing_imbalance:+.1e}"
         )
         lines.append(f"| {name} | {p.fraction:.2g} | {p.steps:,} | {cost} | {errors} |")
-    lines += [
-        "",
-        f"| source of error | change | {findings.name} | difference |",
-        "|---" * 4 + "|",
-    ]
-    for change in findings.sources:
-        difference = change.remark.replace("|", "/") or f"{change.difference:+.1e}"
-        lines.append(
-            f"| {change.source} | {change.change} | {change.result:.7g} |"
-            f" {difference} |"
-        )
-    if math.isfinite(findings.scatter):
-        name = f"mean and standard deviation of {len(findings.samples)}"
-        lines.append(
-            f"| lattice sample | {name} | {np.nanmean(findings.samples):.7g} | ±"
-            f" {findings.scatter:.1e} |"
-        )
     return "\n".join(lines)
 
 
-def draw(findings: Findings, path: Path, title: str) -> None:
+def draw(name: str, steps: list[StepError], path: Path, title: str) -> None:
     """Draw error (y) against cost (x); a ring marks the default step of `run`."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    with matplotlib_style({}):
+    with matplotlib_style({"legend.frameon": False, "legend.fontsize": 8}):
         figure = Figure(figsize=(6.4, 4.4), dpi=120, layout="constrained")
         FigureCanvasAgg(figure)
         axes = figure.subplots()
-        for name, colour in COLOURS.items():
-            curve = [
-                p
-                for p in findings.steps
-                if p.integrator == name and math.isfinite(p.error)
-            ]
-            if curve:
-                axes.loglog(
-                    [p.seconds for p in curve],
-                    [p.error for p in curve],
-                    "o-",
-                    color=colour,
-                    ms=4,
-                    label=name,
-                )
+        for integrator, colour in COLOURS.items():
+            curve = [p for p in steps if p.integrator == integrator]
+            seconds = [p.seconds for p in curve]
+            errors = [p.error for p in curve]
+            axes.loglog(seconds, errors, "o-", color=colour, ms=4, label=integrator)
             for p in curve:
                 if p.is_default:
-                    axes.loglog(
-                        p.seconds, p.error, "o", ms=12, mfc="none", color=colour
-                    )
+                    ring = {"ms": 12, "mfc": "none", "color": colour}
+                    axes.loglog(p.seconds, p.error, "o", **ring)
         axes.set_xlabel("time to solution  [s]")
-        axes.set_ylabel(f"error of {findings.name}")
+        axes.set_ylabel(f"error of {name}")
         axes.set_title(title, fontsize=10)
         axes.grid(True, which="both", color="0.92")
-        axes.legend(
-            frameon=False,
-            title="ring: default step of run",
-            fontsize=8,
-            title_fontsize=8,
-        )
+        axes.legend(title="ring: default step of run", title_fontsize=8)
         atomic_write(path, lambda new: figure.savefig(new, metadata={"Software": None}))

@@ -176,7 +176,7 @@ def _drawn(diagram: Diagram) -> Plot:
         for container, curve in zip(drawn, curves, strict=True):
             container.set_label(curve_label(curve.label))
     labels = ax.get_legend_handles_labels()[1]
-    if labels:
+    if labels and labels != [curve_label({})]:
         columns = 1 + (max(map(len, labels)) <= MAX_LABEL)
         figure.set_figheight(2.9 + 0.14 * len(labels) / columns)
         figure.legend(loc="outside upper center", ncols=columns)

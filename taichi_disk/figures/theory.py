@@ -25,6 +25,8 @@ from taichi_disk.lattice import Array
 from taichi_disk.scenes.compression import paper_compression
 
 Prediction = Callable[[Array], Array]  # maps tau0 (k,) to e (k, velocities)
+# number of lattices from which their scatter is known well enough to weight points
+MIN_LATTICES = 5
 # how rarely a chi square as large as that of a law that holds is due to chance
 SIGNIFICANCE = 0.01
 MAX_TAU0 = 2.0  # largest tau0 at e_star = 1 [R/c]
@@ -50,7 +52,9 @@ class Fit:
     # 95 % confidence intervals over lattices; empty for a single lattice
     intervals: dict[str, tuple[float, float]]
     residuals: Array  # (points,) mean over lattices minus the fit
-    errors: Array  # (points,) standard errors over lattices; NaN for a single lattice
+    # (points,) standard errors over lattices, by which points are weighted; NaN if they
+    # are not known
+    errors: Array
     # degrees of freedom: points minus parameters, and lattices minus 1
     freedom: tuple[int, int]
 
@@ -61,7 +65,7 @@ class Fit:
     @property
     def chi_square(self) -> float:
         """Chi square per degree of freedom; NaN if it cannot be known."""
-        if self.freedom[0] < 1 or not _are_known(self.errors):
+        if self.freedom[0] < 1:
             return np.nan
         squares = (self.residuals / self.errors) ** 2
         return float(squares.sum()) / self.freedom[0]
@@ -258,22 +262,19 @@ def least_squares(
 def _scale(y: Array, otherwise: Array) -> Array:
     """Return the errors of y (lattices, points) by which a fit is weighted."""
     errors = standard_errors(y)
-    if _are_known(errors):
+    if np.isfinite(errors).all():
         return errors
     return otherwise
 
 
 def standard_errors(y: Array) -> Array:
     """Return the standard errors (points,) of means over y (lattices, points); NaN for
-    a single lattice."""
-    if len(y) == 1:
-        return np.full(y.shape[1], np.nan)
-    return np.asarray(y.std(0, ddof=1) / len(y) ** 0.5)
-
-
-def _are_known(errors: Array) -> bool:
-    """Return whether there are several lattices, which differ at each point."""
-    return bool((errors > 0.0).all())
+    few lattices, and if they do not differ."""
+    errors = np.full(y.shape[1], np.nan)
+    if len(y) >= MIN_LATTICES:
+        errors = y.std(0, ddof=1) / len(y) ** 0.5
+    errors[errors == 0.0] = np.nan
+    return errors
 
 
 def _fit(

@@ -39,6 +39,7 @@ def test_a_planted_b_comes_back_and_each_lattice_has_its_own() -> None:
     assert [
         fit.values[f"b_{name}"] for name in ("min", "median", "max")
     ] == pytest.approx(list(b), rel=1e-6)
+    # Three lattices do not weight the points.
     # (2) is nearly linear in b, so b is the mean of three numbers; t is 4.3027.
     half_width = 4.3027 * b.std(ddof=1) / 3**0.5
     assert fit.values["b"] == pytest.approx(b.mean(), rel=0.02)
@@ -54,7 +55,7 @@ def test_b_is_never_negative_and_is_0_only_if_the_disk_yields_hardly_at_all() ->
     with np.errstate(all="ignore"):  # (2) has no value at b = 0
         hard = theory.fit_b(P, np.stack([0.1 * law, 0.12 * law]), 1.1, 0.29)
     assert set(hard.values.values()) == {0.0}
-    assert hard.intervals["b"] == (0.0, 0.0)
+    assert hard.intervals["b"] == pytest.approx((0.0, 0.0), abs=1e-12)
 
 
 def test_a_planted_tau0_comes_back() -> None:
@@ -102,7 +103,7 @@ def test_a_fit_is_weighted_by_the_errors_of_the_points() -> None:
     # One point is off, and known a hundred times worse than the others.
     true = theory.paper_restitution(V, 1.0, 0.6)
     scatter = np.where(np.arange(12) == 5, 1e-2, 1e-4)
-    signs = np.array([[-1.0], [1.0], [-1.0], [1.0]])
+    signs = np.where(np.arange(6) % 2, 1.0, -1.0)[:, None]
     e = true + np.where(np.arange(12) == 5, 5e-3, 0.0) + scatter * signs
     fit = theory.fit_restitution(V, e)
     assert fit.values == pytest.approx({"d1": 1.0, "d2": 0.6}, rel=1e-4)
@@ -168,8 +169,10 @@ def test_a_law_fails_if_chance_gives_its_chi_square_once_in_a_hundred(
     assert fit.holds is holds
 
 
-def test_one_lattice_does_not_tell_whether_a_law_holds() -> None:
-    fit = theory.fit_restitution(V, np.linspace(1.0, 0.5, 12)[None])
+@pytest.mark.parametrize("lattices", [1, 4])
+def test_a_few_lattices_do_not_tell_whether_a_law_holds(lattices: int) -> None:
+    scatter = 1e-4 * np.arange(lattices)[:, None]
+    fit = theory.fit_restitution(V, np.linspace(1.0, 0.5, 12) + scatter)
     assert fit.rms > 1e-3
     assert np.isnan(fit.chi_square)
     assert fit.holds
@@ -177,9 +180,9 @@ def test_one_lattice_does_not_tell_whether_a_law_holds() -> None:
 
 @pytest.mark.validate
 def test_a_law_that_fails_stands_in_the_text_and_has_no_line() -> None:
-    rows = thrown(0.0) + thrown(30.0)
+    rows = thrown(0.0, lattices=6) + thrown(30.0, lattices=6)
     for row in rows[len(rows) // 2 :]:
-        row["restitution"] += 0.2 * np.cos(300.0 * row["velocity"])
+        row["restitution"] += 0.05 * np.cos(300.0 * row["velocity"])
     scene = load_scene("absorbing_wall")
     diagram = analyse(scene, ["eta_star", "seed", "velocity"], rows)
     good, bad = diagram.curves
@@ -276,7 +279,9 @@ def test_the_moduli_are_those_of_all_lattices_of_the_material() -> None:
     assert [curve.young for curve in curves] == pytest.approx([1.1, 1.1, 1.5])
 
 
-def thrown(eta_star: float, name: str = "eta_star") -> list[dict[str, Any]]:
+def thrown(
+    eta_star: float, name: str = "eta_star", lattices: int = 2
+) -> list[dict[str, Any]]:
     same = {
         "status": "done",
         "young": 1.1,
@@ -286,7 +291,7 @@ def thrown(eta_star: float, name: str = "eta_star") -> list[dict[str, Any]]:
     }
     return [
         {"velocity": v, "seed": seed, "restitution": e * (1.0 + 1e-3 * seed)} | same
-        for seed in (0, 1)
+        for seed in range(lattices)
         for v, e in zip(
             V, theory.paper_restitution(V, 1.0, 0.01 * eta_star), strict=True
         )

@@ -3,26 +3,19 @@ conclusions."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from taichi_disk import Lattice, load_scene, run
 from taichi_disk.accuracy import steps
 from taichi_disk.accuracy.steps import StepError, StepStudy
-from taichi_disk.accuracy.study import (
-    POINTS,
-    SAMPLE,
-    WALL,
-    Change,
-    Findings,
-    changes,
-    with_result,
-)
+from taichi_disk.accuracy.study import FINER, HARDER, SCATTER, _finer, effects, sentence
 from taichi_disk.computation.outcome import compute
 from taichi_disk.computation.stability import spectrum
-from taichi_disk.scenes import load_scene
+from taichi_disk.progress import silent
 
 STEP = StepError(
     "velocity_verlet", True, 0.8, 0.01, 100, 0.1, 3.0, 1e-6, 1e-6, 0.0, 0.0
@@ -30,13 +23,9 @@ STEP = StepError(
 
 
 @pytest.mark.parametrize("kind", ["exponential_wall", "absorbing_wall"])
-def test_finer_lattices_are_of_the_same_material(kind: str) -> None:
+def test_a_finer_lattice_is_of_the_same_material(kind: str) -> None:
     scene = load_scene(kind, ["lattice.points=60", "material.eta_star=5"])
-    finer = [change for change in changes(scene) if change.source == POINTS]
-    assert [change.keys["lattice.points"] for change in finer] == [
-        factor * scene.lattice.points for factor in (4, 16, 64)
-    ]
-    changed = scene.with_(finer[0].keys)
+    changed = _finer(scene)
     assert changed.lattice.points == 240
     # The eta of a spring, the total mass, the shape of a wall and the drag of its
     # boundary stay the same.
@@ -62,49 +51,35 @@ def test_finer_lattices_are_of_the_same_material(kind: str) -> None:
     )
 
 
-def test_a_scatter_above_the_step_s_error_asks_for_more_lattices_and_points() -> None:
-    scene = load_scene("exponential_wall", ["lattice.points=300"])
-    finer = [
-        replace(change, result=0.9, difference=0.1)
-        for change in changes(scene)
-        if change.source == POINTS
-    ]
-    sources = [
-        Change("scene", "as it is", result=0.8),
-        Change(SAMPLE, "seed 1", result=0.81),
-        *finer,
-    ]
-    advice = Findings("restitution", [STEP], sources).sentence
-    assert advice.endswith("use more seeds and points, not smaller steps")
-    own = scene.with_(viscosity=0.01)
-    assert all("viscosity" not in key for change in changes(own) for key in change.keys)
-
-
-def test_no_lattice_is_tried_that_takes_hours_or_whose_points_come_from_a_file(
-    tmp_path,
+@pytest.mark.usefixtures("kernels")
+def test_effects_are_those_of_running_the_changed_scenes(
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    finer = [
-        change.change
-        for change in changes(load_scene("exponential_wall", ["lattice.points=40000"]))
-    ]
-    assert "N = 160,000, same η" in finer
-    assert "N = 640,000, same η" not in finer
-    (tmp_path / "points.csv").write_text("x,y\n0,0\n1,0\n0,1\n")
-    own = load_scene(
-        {"scene": "exponential_wall", "lattice": {"file": str(tmp_path / "points.csv")}}
-    )
-    assert {change.source for change in changes(own)} == {WALL}
+    monkeypatch.setattr("taichi_disk.accuracy.study.SEEDS", 3)
+    # a step that suits the scene, but no finer lattice
+    own = ["lattice.points=30", "material.eta_star=0"]
+    found = effects(load_scene("exponential_wall", [*own, "time.dt=0.04"]), silent)
+
+    def e(**keys: object) -> float:
+        scene = load_scene("exponential_wall", own).with_(**keys)
+        return run(scene, lattices=1).restitution
+
+    samples = [e(), e(seed=1), e(seed=2)]
+    assert found == {
+        SCATTER: pytest.approx(np.std(samples, ddof=1), rel=1e-9),
+        FINER: pytest.approx(e(points=120) - e(), rel=1e-9),
+        HARDER: pytest.approx(e(a=3000.0) - e(), rel=1e-9),
+    }
 
 
 @pytest.mark.usefixtures("kernels")
-def test_a_change_without_a_result_says_why() -> None:
-    scene = load_scene("exponential_wall", ["lattice.points=60", "impact.max_time=9.0"])
-    change = with_result(scene, 0.9, Change(WALL, "a", {"impact.max_time": 0.1}))
-    assert math.isnan(change.difference)
-    assert "has not left the wall" in change.remark
-    change = with_result(scene, 0.9, Change(WALL, "a", {"wall.a": -1.0}))
-    assert math.isnan(change.result)
-    assert "wall.a" in change.remark
+def test_points_from_a_file_have_no_other_sample(tmp_path: Path) -> None:
+    disk = Lattice.disk(30, 0)
+    np.savetxt(tmp_path / "points.csv", disk.positions, delimiter=",")
+    own = load_scene(
+        {"scene": "exponential_wall", "lattice": {"file": str(tmp_path / "points.csv")}}
+    )
+    assert effects(own, silent).keys() == {HARDER}
 
 
 def study_of(scene: str, *settings: str) -> StepStudy:
@@ -154,24 +129,16 @@ def test_steps_fit_the_resets_of_a_boundary() -> None:
 
 
 def test_the_sentence_says_what_matters() -> None:
-    samples = [
-        Change("scene", "", result=0.96),
-        *(Change(SAMPLE, "", result=e) for e in (0.961, 0.959, 0.9605)),
-    ]
-    wall = Change(WALL, "", difference=-0.04)
-    finer = Change(POINTS, "", difference=5e-4)
-    found = Findings("restitution", [STEP], [*samples, finer, wall])
+    changes = {SCATTER: 9e-4, FINER: 5e-4, HARDER: -0.04}
     assert (
-        found.sentence
-        == "restitution: time step 1e-06, lattice scatter 0.0009, finest lattice"
-        " 0.0005, hardest wall -0.04: use more seeds, not smaller steps"
+        sentence("restitution", [STEP], changes)
+        == "restitution: time step 1e-06, lattice scatter 0.0009, 4 times the points"
+        " 0.0005, wall 10 times as hard -0.04: use more seeds, not smaller steps"
     )
-    assert (
-        "more seeds and points,"
-        in replace(found, sources=[*samples, replace(finer, difference=0.01)]).sentence
-    )
-    coarse = replace(found, steps=[replace(STEP, error=0.1)])
-    assert "use smaller steps" in coarse.sentence
+    finer = changes | {FINER: -0.01}
+    assert "more seeds and points," in sentence("restitution", [STEP], finer)
+    coarse = [replace(STEP, error=0.1)]
+    assert "use smaller steps" in sentence("restitution", coarse, changes)
     # A change that the time step hides does not speak for more points.
-    hidden = [*samples, replace(finer, difference=0.01)]
-    assert "use smaller steps" in replace(coarse, sources=hidden).sentence
+    assert "use smaller steps" in sentence("restitution", coarse, finer)
+    assert sentence("xi", [], {HARDER: 0.1}).endswith(": nothing to gain")
