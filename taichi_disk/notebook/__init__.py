@@ -37,7 +37,6 @@ _MODULES = (
     "controls.js",
     "results.js",
     "scenes.js",
-    "webm.js",
     "sandbox.js",
     "widget.js",
 )

@@ -5,10 +5,22 @@ import { element } from "./html.js";
 const DEGREE = 180 / Math.PI;
 export const digits = (value, count = 6) => String(Number(value.toPrecision(count)));
 
+// Return the number that a text is, as a whole: with a point or a comma, or a fraction; else NaN. A
+// comma before three digits may mean thousands, so it is not read.
+export function readNumber(text) {
+  const plain = text.normalize("NFKC").replace(/[−–]/g, "-").trim();
+  const parts = plain.split(/\s*[/\u2044]\s*/);
+  const isNumber = (part) => /^[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?$/i.test(part);
+  const isUnclear = parts.some((part) => /^[-+]?[1-9]\d{0,2},\d{3}$/.test(part));
+  if (!parts.every(isNumber) || isUnclear || parts.length > 2) return NaN;
+  const [value, divisor = 1] = parts.map((part) => Number(part.replace(",", ".")));
+  return Number.isFinite(value / divisor) ? value / divisor : NaN;
+}
+
 // A slider, logarithmic unless its range begins at 0 or below; `set` is called with the key and the
-// value.
+// value, `say` with a sentence about a text that is no number.
 class Slider {
-  constructor(key, set) {
+  constructor(key, set, say) {
     const number = { type: "text", inputMode: "decimal" };
     this.name = element("span");
     this.ends = [element("i"), element("i")];
@@ -37,9 +49,11 @@ class Slider {
     for (const field of fields) {
       field.onchange = () => {
         this.edited = null;
-        const value = parseFloat(field.value.replace(",", ".").replace("−", "-"));
-        if (Number.isNaN(value)) this.show(this.spec);
-        else set(key, Number(digits(field === this.degrees ? value / DEGREE : value)));
+        const value = readNumber(field.value.replace(/\s*°$/, ""));
+        if (Number.isNaN(value)) {
+          say(`“${field.value}” is not read as a number: write 0.02, 2e-2 or 1/50`);
+          this.show(this.spec);
+        } else set(key, Number(digits(field === this.degrees ? value / DEGREE : value)));
       };
     }
   }
@@ -79,8 +93,8 @@ class Choice {
 
 // Sliders and choices, as the program describes them. `parent` returns the element for a key.
 export class Controls {
-  constructor(parent, set) {
-    Object.assign(this, { parent, set, made: new Map() });
+  constructor(parent, set, say) {
+    Object.assign(this, { parent, set, say, made: new Map() });
   }
 
   show(specs) {
@@ -88,7 +102,9 @@ export class Controls {
       for (const { node } of this.made.values()) node.remove();
       this.made.clear();
       for (const { key, options } of specs) {
-        const control = options ? new Choice(key, this.set) : new Slider(key, this.set);
+        const control = options
+          ? new Choice(key, this.set)
+          : new Slider(key, this.set, this.say);
         control.node.dataset.key = key;
         this.made.set(key, control);
         this.parent(key).append(control.node);

@@ -54,8 +54,8 @@ export class Drawing {
   constructor(canvas) {
     this.canvas = canvas;
     this.context = canvas.getContext("2d");
-    // draw, quantity, theme, magnify, outline, path, forces, follow, and arrow: a velocity [c];
-    // letters: their size
+    // draw, quantity, theme, magnify, outline, path, forces, follow; arrow: a velocity [c]; canAim:
+    // whether its tip can be dragged; letters: their size
     this.options = { letters: 1 };
     this.camera = { x: 0, y: 1, scale: 100, home: true };
   }
@@ -179,7 +179,7 @@ export class Drawing {
     if (!state.path) this.remember(state.t, centre);
     if (options.path) {
       const path = (state.path ?? this.track).map(([px, py]) => this.toScreen(px, py));
-      line(ctx, path, theme.accent, 1.8);
+      line(ctx, path, theme.velocity, 1.8);
     }
     if (options.forces) this.drawForces(state, x, theme);
     if (options.arrow) this.drawVelocity(centre, options.arrow, theme);
@@ -237,7 +237,8 @@ export class Drawing {
   drawSides(x, theme) {
     const sides = new Path2D();
     this.scene.edges.forEach((i, k) => sides[k % 2 ? "lineTo" : "moveTo"](...this.point(x, i)));
-    Object.assign(this.context, { strokeStyle: theme.ink, lineWidth: 1.5 });
+    const lineWidth = 1.5 * this.options.letters;
+    Object.assign(this.context, { strokeStyle: theme.ink, lineWidth });
     this.context.stroke(sides);
   }
 
@@ -254,7 +255,7 @@ export class Drawing {
     if (!speed) return;
     const length = arrowLength(speed) / speed;
     const tip = [centre[0] + length * vx, centre[1] + length * vy];
-    this.drawArrow(centre, tip, theme.accent, theme);
+    this.drawArrow(centre, tip, this.options.canAim ? theme.accent : theme.velocity, theme);
     if (length * speed < 0.1) return;
     const { letters } = this.options;
     const [px, py] = this.toScreen(...tip);
@@ -309,7 +310,8 @@ export class Drawing {
     if (draw === "points") return [{ mark: 2, radius: ratio * between(1, 0.3 * apart, 6) }];
     const ink =
       draw === "both" && quantity !== "fringes" ? 0.25 * between(0, (apart - 5) / 9, 1) : 0;
-    return ink ? [{ mark: 0 }, { mark: 1, radius: 0.75 * ratio, ink }] : [{ mark: 0 }];
+    const radius = 0.75 * ratio * Math.sqrt(this.options.letters);
+    return ink ? [{ mark: 0 }, { mark: 1, radius, ink }] : [{ mark: 0 }];
   }
 
   // Return the undeformed disk at the place, height and angle of the disk at `x`. Points of the
@@ -391,7 +393,7 @@ export class Drawing {
       this.context,
       this.toScreen(...from),
       this.toScreen(...to),
-      thickness,
+      thickness * this.options.letters,
       colour,
       theme.ground,
     );

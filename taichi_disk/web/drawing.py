@@ -25,7 +25,7 @@ from taichi_disk.lattice import Array, Lattice
 from taichi_disk.render.geometry import edge_height
 from taichi_disk.render.palette import THEMES, Theme, colour_map, map_kind
 
-# colour of what the user draws, and of the centre of mass's path
+# colour of what the user can drag
 _ACCENT = "rgb(230, 115, 0)"
 # Texts of the page for the start, a collected curve and its axes.
 _IMPACT_LABELS = {
@@ -126,7 +126,7 @@ def _wall(lattice: Lattice, wall: Any, force: float) -> dict[str, Any]:
 
 
 def _colours(theme: Theme) -> dict[str, str]:
-    names = ("ground", "ink", "faint", "wall", "arrow", "rule")
+    names = ("ground", "ink", "faint", "wall", "arrow", "velocity", "rule")
     colours = {name: _css(getattr(theme, name)) for name in names}
     return colours | {"accent": _ACCENT}
 

@@ -107,9 +107,8 @@ class Pane extends Drawing {
   drawVelocity(centre, [vx, vy], theme) {
     if (Math.hypot(vx, vy) < SLOW) return;
     const tip = [centre[0] + VELOCITY_ARROW * vx, centre[1] + VELOCITY_ARROW * vy];
-    const { velocityColour } = this.options;
     const ends = [this.toScreen(...centre), this.toScreen(...tip)];
-    arrow(this.context, ...ends, 5, velocityColour, theme.ground);
+    arrow(this.context, ...ends, 5, theme.velocity, theme.ground);
   }
 }
 
@@ -234,7 +233,6 @@ async function play() {
   const last = cues.length - 1;
   const settings = { ...scene.options, speed: 1 };
   const curves = new Curves(ui.curves, ui.names, head);
-  const velocityColours = head.curves[0].colours;
   let place = 0;
   let before = 0;
   let isPlaying;
@@ -298,9 +296,9 @@ async function play() {
   function change() {
     controls.show(specs.map((spec) => ({ ...spec, value: settings[spec.key] })));
     document.documentElement.dataset.theme = settings.theme;
-    const velocityColour = velocityColours[Number(settings.theme === "dark")];
-    document.documentElement.style.setProperty("--velocity", velocityColour);
-    all((one) => one.set({ ...settings, ...checked(ui.options), velocityColour }));
+    const { velocity } = scene.themes[settings.theme];
+    document.documentElement.style.setProperty("--velocity", velocity);
+    all((one) => one.set({ ...settings, ...checked(ui.options) }));
     show();
   }
 
@@ -341,8 +339,10 @@ async function play() {
     (key, value) => {
       const { options, low, high } = specs.find((spec) => spec.key === key);
       settings[key] = options ? value : Math.min(Math.max(value, low), high);
+      ui.refused.textContent = "";
       change();
     },
+    (text) => (ui.refused.textContent = text),
   );
   document.querySelector("details").open = matchMedia(
     "(min-width: 960px) and (min-height: 601px)",

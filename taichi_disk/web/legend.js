@@ -62,7 +62,7 @@ function drawArrow(ctx, shaft, head, ink, thickness) {
 // and the width beside the colour scale.
 function layout(width, height) {
   const isWide = width > 460;
-  const isLow = height < 330 || (height < 400 && isWide);
+  const isLow = height < 400;
   const high = { bar: 52, numbers: 28, name: 10, hasKeys: true };
   const low = { height: 62, bar: 56, numbers: 32, name: 10, row: 51 };
   if (width >= 720) return { ...high, height: 66, row: 47, beside: 380 };

@@ -9,7 +9,6 @@ import { checked, download, element, elements, recall, remember } from "./html.j
 import { unpacked } from "./message.js";
 import { asText, showDiagram, showResults } from "./results.js";
 import { showScenes } from "./scenes.js";
-import { withDuration } from "./webm.js";
 
 const KEYS = {
   " ": "space",
@@ -29,6 +28,11 @@ const MESSAGE_TIME = 6000; // for which a message is shown [ms]
 const LEGEND_WIDTH = 280; // that its longest name needs [px]
 const READABLE_HEIGHT = 380; // of a picture below which letters must not take more room [px]
 const IDLE_TIME = 3000; // after which the projector's controls fade [ms]
+const LARGE_HEIGHT = 540; // of a picture, over the factor of its letters [px]
+const LEGEND_ROW = 720; // width that the legend's row needs [px]
+const LETTER_PART = 0.009; // least size of letters in a page's height
+const LETTERS = 12; // their usual size [px]
+const QUESTION = /^(.+?\?) (.+)$/; // of a scene, and its answer
 const THEME = "taichi-disk theme"; // name under which the visitor's theme is stored
 const DARK = matchMedia("(prefers-color-scheme: dark)");
 
@@ -39,6 +43,12 @@ function keyName(event) {
   const isLatin = /^[ -~]*$/.test(event.key);
   const name = isLatin ? event.key : event.code.replace(/^Key/, "");
   return name.length === 1 ? name.toLowerCase() : name;
+}
+
+// Return the numbers of the experiment, without those of the look and of the time.
+function numbersOf({ sliders, choices }) {
+  const own = [...sliders, ...choices].filter(({ key }) => !/^(video|speed)/.test(key));
+  return own.map(({ value }) => value).join();
 }
 
 // Return a line of the read-out; a line that begins with * is the result.
@@ -63,7 +73,6 @@ export class Sandbox {
       hello: null,
       panel: null,
       state: null,
-      recorder: null,
       target: null,
     });
     const ui = (this.ui = elements(node));
@@ -76,7 +85,11 @@ export class Sandbox {
     this.graphs = new Graphs([ui.energy, ui.motion], (t) => this.send({ do: "scrub", t }));
     const places = { speed: ui.speed, "video.magnify": ui.magnify };
     const place = (key) => places[key] ?? (key.startsWith("video.") ? ui.looks : ui.numbers);
-    this.controls = new Controls(place, (key, value) => this.set(key, value));
+    this.controls = new Controls(
+      place,
+      (key, value) => this.set(key, value),
+      (text) => this.say(text),
+    );
     followPointers(
       ui.disk,
       this.drawing,
@@ -96,12 +109,16 @@ export class Sandbox {
     own.forEach((one, k) => (one.title = `${this.shortcuts[k][1]} (${this.shortcuts[k][0]})`));
     // On a narrow page one panel is seen at a time.
     this.showTab(node.clientWidth > 900 ? "graphs" : "experiment");
+    // A phone begins with the disk alone.
+    if (node.clientWidth <= 640 && node.clientHeight > 480) this.fold();
     new ResizeObserver(() => this.redraw()).observe(node);
     ui.eq5.onchange = ui.class.onchange = () => this.showResults();
     ui.name.onchange = () => this.send({ do: "rename", text: ui.name.value });
     ui.timeline.oninput = () => this.send({ do: "scrub", t: Number(ui.timeline.value) });
     node.onpointermove = () => this.wake();
     DARK.onchange = () => this.takeTheme();
+    window.addEventListener("beforeprint", () => this.print(true));
+    window.addEventListener("afterprint", () => this.print(false));
     document.addEventListener("fullscreenchange", () => {
       if (!document.fullscreenElement) this.project(false);
     });
@@ -120,12 +137,11 @@ export class Sandbox {
       farther: () => drawing.zoom(0.8),
       contact: () => drawing.show(this.state.row.com_x, 0.09, 0.55),
       picture: async () => download(await drawing.picture(panel.title), "disk.png", "image/png"),
-      film: () => this.film(),
       yaml: () => download(this.scene, "scene.yaml", "text/yaml"),
       csv: () => download(asText(ui.table, ","), "results.csv", "text/csv"),
       copy: () => this.copy(asText(ui.table, "\t")),
       projector: () => this.project(!node.hasAttribute("data-projector")),
-      fold: () => (ui.fold.ariaExpanded = !node.toggleAttribute("data-folded")),
+      fold: () => this.fold(),
     };
   }
 
@@ -141,6 +157,7 @@ export class Sandbox {
     if (play) {
       this.ui.list.close();
       this.send({ do: "play", number: Number(play) });
+      this.ui.drop.focus({ focusVisible: false }); // so that space throws
     }
     this.actions[one.id]?.();
     this.redraw();
@@ -210,6 +227,10 @@ export class Sandbox {
     this.idle = setTimeout(() => this.node.setAttribute("data-idle", ""), IDLE_TIME);
   }
 
+  fold() {
+    this.ui.fold.ariaExpanded = !this.node.toggleAttribute("data-folded");
+  }
+
   showTab(name) {
     this.node.dataset.tab = name;
     this.node.removeAttribute("data-folded");
@@ -217,23 +238,6 @@ export class Sandbox {
     for (const tab of this.node.querySelectorAll("button[data-tab]"))
       tab.ariaPressed = tab.dataset.tab === name;
     this.redraw();
-  }
-
-  // Begin to record what the canvas shows, or save what was recorded.
-  film() {
-    if (this.recorder) return this.recorder.stop();
-    const { disk, film } = this.ui;
-    const recorder = new MediaRecorder(disk.captureStream(30));
-    const began = performance.now();
-    this.recorder = recorder;
-    recorder.ondataavailable = async ({ data }) => {
-      const name = /mp4/.test(data.type) ? "disk.mp4" : "disk.webm";
-      download(await withDuration(data, performance.now() - began), name, data.type);
-      Object.assign(film, { textContent: "Film", ariaPressed: false });
-      this.recorder = null;
-    };
-    recorder.start();
-    Object.assign(film, { textContent: "End the film", ariaPressed: true });
   }
 
   // ---- what the program sends
@@ -292,6 +296,7 @@ export class Sandbox {
     this.arrived = performance.now();
     this.graphs.add(this.state);
     this.ui.caption.replaceChildren(...this.state.caption.split("\n").map(captionLine));
+    if (this.panel) this.ui.sentence.textContent = this.sentence;
     this.answered();
     this.redraw(this.state.number);
   }
@@ -329,7 +334,9 @@ export class Sandbox {
 
   draw() {
     const { drawing, state, panel, ui } = this;
-    drawing.set({ ...checked(ui.options), arrow: this.shownVelocity(), letters: this.letters });
+    const canAim = panel.atStart && !ui.arrow.disabled;
+    const arrow = this.shownVelocity();
+    drawing.set({ ...checked(ui.options), arrow, canAim, letters: this.letters });
     drawing.draw(state);
     this.node.style.setProperty("--legend", `${drawing.footer}px`);
     const { theme: name } = drawing.options;
@@ -345,12 +352,26 @@ export class Sandbox {
     ui.timeline.value = state.t;
   }
 
-  // Size of the letters: up to twice as large for a projector, if the legend has room.
+  // Size of the letters over the usual one: larger on a large screen, and for a projector, if the
+  // legend has room.
   get letters() {
-    if (!this.node.hasAttribute("data-projector")) return 1;
+    const least = Math.max((LETTER_PART * this.node.clientHeight) / LETTERS, 1);
+    if (!this.node.hasAttribute("data-projector")) return least;
     const { clientWidth: width, clientHeight: height } = this.ui.disk;
     const room = Math.min(width / LEGEND_WIDTH, height / READABLE_HEIGHT);
-    return Math.min(Math.max(room, 1), 2);
+    const row = width / LEGEND_ROW; // at most this size leaves the legend in one row
+    const most = Math.max(2, height / LARGE_HEIGHT); // a 4K projector has twice as many pixels
+    return Math.max(Math.min(Math.max(room, 1), row < 1.4 ? most : Math.min(row, most)), least);
+  }
+
+  // Draw for paper, which is white, or for the screen again.
+  print(isPaper) {
+    if (!this.panel) return;
+    const chosen = this.panel.choices.find(({ key }) => key === "video.theme").value;
+    const theme = isPaper ? "light" : chosen;
+    this.node.dataset.theme = theme;
+    this.drawing.set({ theme });
+    this.draw();
   }
 
   // Return the velocity whose arrow is drawn: that of the throw, while it is aimed, or the disk's.
@@ -368,10 +389,11 @@ export class Sandbox {
     const { curves } = this.hello;
     const [motion, unit] = message.motion;
     this.graphs.replace(message, curves);
-    legend(this.ui.energies, [["energies [Mc²]"]]);
+    const before = this.graphs.before ? "; dotted: the throw before" : "";
+    legend(this.ui.energies, [[`energies [Mc²]${before}`]]);
     legend(this.ui.motions, [
-      ["force of the wall [Mc²/R], left", curves[5]],
-      [`${motion} [${unit}], right`, curves[6]],
+      ["force of the wall [Mc²/R], left", curves.at(-2)],
+      [`${motion} [${unit}], right`, curves.at(-1)],
     ]);
   }
 
@@ -401,6 +423,8 @@ export class Sandbox {
     if (results !== this.shownResults) this.showResults();
     this.shownResults = results;
     if (panel.number !== this.shownNumber) {
+      this.graphs.before = null;
+      this.ownNumbers = numbersOf(panel);
       showScenes(ui.entries, this.hello.playlist, panel.number);
       this.shownNumber = panel.number;
     }
@@ -417,7 +441,7 @@ export class Sandbox {
     const texts = {
       drop: panel.paused ? go : "Pause",
       scenes: `${panel.name} ▾`,
-      sentence: panel.sentence,
+      sentence: this.sentence,
       lattice: `Another random lattice (now ${panel.seed})`,
       status: panel.status,
       collect: panel.collecting ? `Stop (${panel.collecting} left)` : labels.collect,
@@ -426,10 +450,17 @@ export class Sandbox {
     for (const [id, text] of Object.entries(texts)) ui[id].textContent = text;
   }
 
+  // The scene's question; after the throw the answer, if the scene's numbers are its own.
+  get sentence() {
+    const { panel, state } = this;
+    const [, question, answer] = QUESTION.exec(panel.sentence) ?? ["", panel.sentence, ""];
+    const isAnswered = /^\*/m.test(state?.caption ?? "") && numbersOf(panel) === this.ownNumbers;
+    return (isAnswered && answer) || question;
+  }
+
   // Show a new message in place of the sentence for a while. A message that was there before this
   // page is old.
   showMessage({ aimed, message, hint }, isFirst) {
-    const { ui, node } = this;
     if (isFirst) this.oldMessage = message;
     else if (message !== this.oldMessage) this.oldMessage = "";
     const isNew = message !== this.oldMessage;
@@ -440,6 +471,12 @@ export class Sandbox {
     }
     if (text === this.shownMessage) return;
     this.shownMessage = text;
+    this.say(text);
+  }
+
+  // Show a text in place of the sentence for a while.
+  say(text) {
+    const { ui, node } = this;
     ui.message.textContent = text;
     node.toggleAttribute("data-message", Boolean(text));
     clearTimeout(this.messageTimer);

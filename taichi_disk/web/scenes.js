@@ -8,7 +8,7 @@ function sketch(card) {
   const canvas = element("canvas", { width: 128, height: 96, ariaHidden: true });
   const ctx = canvas.getContext("2d");
   const ink = "#8a8d94";
-  const accent = "#e67300";
+  const velocity = "#1d9c7f";
   const isImpact = card.kind !== "compression";
   const wall = 78;
   const x = 64 - 16 * Math.sign(card.angle);
@@ -24,7 +24,7 @@ function sketch(card) {
   ctx.globalAlpha = 1;
   const pens = {
     pinned: { strokeStyle: ink, lineWidth: 4 },
-    dashpot: { strokeStyle: accent, lineWidth: 3 },
+    dashpot: { strokeStyle: "#3f8fd0", lineWidth: 3 },
     reset: { strokeStyle: ink, lineWidth: 1 },
   };
   const pen = pens[card.boundary];
@@ -42,11 +42,11 @@ function sketch(card) {
   const angle = -Math.PI / 2 - card.turn;
   const mark = [x + 28 * Math.cos(angle), y + 28 * Math.sin(angle)];
   line(ctx, [mark, [x, y]], ink, 2);
-  if (card.spin) turnArrow(ctx, x, y, Math.sign(card.spin), accent);
+  if (card.spin) turnArrow(ctx, x, y, Math.sign(card.spin), velocity);
   const length = 8 + (isImpact ? 90 * Math.sqrt(card.velocity) : 140 * Math.sqrt(card.load));
   const foot = isImpact ? y : y - 8 - length;
   const tip = [x + length * Math.sin(card.angle), foot + length * Math.cos(card.angle)];
-  arrow(ctx, [x, foot], tip, 3, accent, "#fff");
+  arrow(ctx, [x, foot], tip, 3, isImpact ? velocity : ink, "#fff");
   return canvas;
 }
 

@@ -11,28 +11,37 @@ from numpy.typing import NDArray
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.fields import FRINGES
 from taichi_disk.lattice import Array
+from taichi_disk.output.panel import ON_DARK
+from taichi_disk.output.plot import INK
 from taichi_disk.render.palette import full_scale, round_near
 from taichi_disk.simulation.observables import (
     BY_NAME,
     INDEX,
+    VELOCITY,
     of_kind,
     split,
 )
 from taichi_disk.window.sandbox import Sandbox, load_key, value_of
 
 MAX_CURVE_POINTS = 400  # most points of a curve
-# Graph and name of each curve, and its colours on a light and on a dark ground, with a
-# contrast of at least 4.5. The name of the last curve depends on the scene.
-CURVES = (
-    ("energy", BY_NAME["translation"].label, "#00806a", "#2fc79b"),
-    ("energy", BY_NAME["rotation"].label, "#8f6500", "#e0b040"),
-    ("energy", BY_NAME["vibration"].label, "#8e5bc0", "#c9a0f0"),
-    ("energy", "elastic and wall", "#c23f00", "#ff7f50"),
-    ("energy", "lost", "#1f6fb5", "#4fb3f0"),
-    ("force", "force of the wall", "#1a1a1e", "#edede8"),
-    ("motion", "motion", "#00806a", "#2fc79b"),
-)
+_STORED = ["elastic", "wall", *of_kind("loss")]
 _LOSSES = [INDEX[name] for name in of_kind("loss")]
+
+
+def _curve(graph: str, name: str, colour: str) -> tuple[str, str, str, str]:
+    return graph, name, colour, ON_DARK[colour]
+
+
+# Graph and name of each curve, and its colours on a light and on a dark ground, which
+# are those of films. The name of the last curve depends on the scene.
+CURVES = (
+    *(
+        _curve("energy", BY_NAME[name].label, BY_NAME[name].colour)
+        for name in [*of_kind("part"), *_STORED]
+    ),
+    _curve("force", "force of the wall", INK),
+    _curve("motion", "motion", VELOCITY),
+)
 
 
 class Graphs:
@@ -50,14 +59,14 @@ class Graphs:
         self._scenario = segments[0].scenario
         began = segments[0].hit_began
         parts = []
-        lost = 0.0
+        lost = np.zeros(len(_LOSSES))
         for segment in segments:
             self._lost_before = lost
             stored = segment.began + np.arange(segment.count) * segment.interval
             times = np.append(stored, segment.now) - began
             rows = np.vstack([segment.rows, segment.row])
             parts.append(np.column_stack([times, self.values(rows)]))
-            lost += float(segment.row[_LOSSES].sum())
+            lost = lost + segment.row[_LOSSES]
         known = np.concatenate(parts)
         chosen = np.unique(np.linspace(0, len(known) - 1, MAX_CURVE_POINTS).astype(int))
         t, *values = [_five_digits(curve) for curve in known[chosen].T]
@@ -73,9 +82,8 @@ class Graphs:
         force [M c^2/R], velocity or ξ."""
         observables = dict(zip(INDEX, rows.T, strict=True))
         columns = split(observables, self._inertia)
-        curves = [columns[name] for name in of_kind("part")]
-        curves.append(columns["elastic"] + columns["wall"])
-        curves.append(rows[:, _LOSSES].sum(axis=1) + self._lost_before)
+        curves = [columns[name] for name in [*of_kind("part"), "elastic", "wall"]]
+        curves += [*(rows[:, _LOSSES] + self._lost_before).T]
         curves.append(columns["wall_force"])
         curves.append(self._scenario.momentary_motion(columns))
         return np.stack(curves, axis=1)
