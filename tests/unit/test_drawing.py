@@ -1,5 +1,5 @@
-"""The page's drawing and its fit, run by node: pixels against a plain computation, the
-fit against that of sweeps."""
+"""The page's drawing, curves, fit and typed numbers, run by node: pixels against a
+plain computation, the fit against that of sweeps."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from taichi_disk.figures.theory import fit_restitution
-from taichi_disk.web.drawing import bundle
+from taichi_disk.web.drawing import DRAWING, bundle
 
 pytestmark = pytest.mark.skipif(not shutil.which("node"), reason="no node")
 SIZE = 60
@@ -32,9 +32,9 @@ FAN = [[k, (k + 1) % 12, 12] for k in range(12)]
 
 
 def run_in_node(code: str, folder: Path) -> Any:
-    modules = ("html.js", "field.js", "legend.js", "controls.js", "graphs.js")
     script = folder / "script.mjs"
-    text = CANVAS + bundle(*modules, "results.js") + code
+    modules = bundle(*DRAWING, "controls.js", "graphs.js", "results.js")
+    text = CANVAS + modules + code
     script.write_text(text, encoding="utf-8")
     done = subprocess.run(
         ["node", script], capture_output=True, text=True, encoding="utf-8", check=True
@@ -92,6 +92,18 @@ def test_springs_and_points_have_soft_sides_and_their_width(tmp_path: Path) -> N
     points = drawn(tmp_path, "{ mark: 2, radius: 4 }")
     corner = points[22:38, 22:38, 3]  # around the point in the middle
     assert corner.sum() / 255.0 == pytest.approx(np.pi * 4.0**2, rel=0.02)
+    assert centroid(corner) == pytest.approx([30.2 - 22.0, 29.7 - 22.0], abs=0.01)
+    small = drawn(tmp_path, "{ mark: 2, radius: 1 }")[22:38, 22:38, 3]
+    assert centroid(small) == pytest.approx([30.2 - 22.0, 29.7 - 22.0], abs=0.04)
+
+
+def centroid(opacity: np.ndarray) -> list[float]:
+    """Return the centre (x, y) of what is drawn [px]."""
+    middle = np.arange(len(opacity)) + 0.5
+    total = opacity.sum()
+    x = float((opacity.sum(axis=0) * middle).sum() / total)
+    y = float((opacity.sum(axis=1) * middle).sum() / total)
+    return [x, y]
 
 
 def test_the_fit_of_eq_5_is_that_of_sweeps(tmp_path: Path) -> None:
@@ -107,3 +119,171 @@ def test_the_fit_of_eq_5_is_that_of_sweeps(tmp_path: Path) -> None:
     assert d1 == pytest.approx(known.values["d1"], rel=1e-3)
     assert d2 == pytest.approx(known.values["d2"], rel=1e-3)
     assert rms == pytest.approx(np.sqrt(np.mean(known.residuals**2)), rel=1e-3)
+
+
+RECORDER = """
+const calls = [];
+const ctx = { calls };
+for (const name of ["beginPath", "lineTo", "setLineDash", "stroke", "fill"])
+  ctx[name] = (...values) => calls.push([name, ...values]);
+"""
+
+
+def test_an_arrow_has_its_tip_and_one_too_short_to_be_seen_is_left_away(
+    tmp_path: Path,
+) -> None:
+    code = (
+        RECORDER
+        + """
+const drawn = [9.9, 10.1].map((length) => {
+  calls.length = 0;
+  arrow(ctx, [5, 5], [5 + length, 5], 3, "black", "white");
+  return calls.filter(([name]) => name === "lineTo").map(([, x, y]) => [x, y]);
+});
+console.log(JSON.stringify(drawn));"""
+    )
+    short, long = run_in_node(code, tmp_path)
+    assert short == []
+    assert [5, 5] in long
+    assert max(x for x, _ in long) == pytest.approx(15.1)
+    heads = [y for x, y in long if y != 5]
+    assert max(heads) + min(heads) == pytest.approx(10.0)  # symmetric
+
+
+def test_a_drag_moves_the_picture_with_the_finger_and_a_pinch_leaves_its_place(
+    tmp_path: Path,
+) -> None:
+    code = """
+const drawing = new Drawing({ getContext: () => ({}) });
+Object.assign(drawing, { width: 600, height: 500 });
+const before = drawing.toScreen(0.3, 0.7);
+drawing.pan(40, -25);
+const after = drawing.toScreen(0.3, 0.7);
+drawing.zoom(2, 100, 120);
+const kept = drawing.toScreen(...drawing.toWorld(100, 120));
+const pinched = drawing.toWorld(100, 120);
+drawing.zoom(0.5, 100, 120);
+const again = drawing.toWorld(100, 120);
+console.log(JSON.stringify([before, after, kept, pinched, again]));"""
+    before, after, kept, pinched, again = run_in_node(code, tmp_path)
+    assert np.subtract(after, before) == pytest.approx([40.0, -25.0])
+    assert kept == pytest.approx([100.0, 120.0])
+    assert pinched == pytest.approx(again)
+
+
+READ = {
+    "0.02": 0.02,
+    " 2e-2 ": 0.02,
+    "0,02": 0.02,
+    ".5": 0.5,
+    "1/50": 0.02,
+    "1 / 50": 0.02,
+    "½": 0.5,
+    "−0.5": -0.5,
+    "０．０２": 0.02,
+    "1099": 1099,
+    "0,125": 0.125,
+    "20%": None,
+    "1 000": None,
+    "1,099": None,
+    "1.2.3": None,
+    "1/0": None,
+    "1/2/3": None,
+    "0.02c": None,
+    "": None,
+}
+
+
+def test_a_typed_number_counts_as_a_whole_or_is_refused(tmp_path: Path) -> None:
+    code = f"const texts = {json.dumps([*READ])};"
+    code += "console.log(JSON.stringify(texts.map(readNumber)));"  # NaN is null
+    assert dict(zip(READ, run_in_node(code, tmp_path), strict=True)) == READ
+
+
+PLOT = """
+document.createElementNS = () => ({ setAttribute() {}, append() {} });
+document.createElement = (tag) => ({ tag, append(...parts) { this.parts = parts; } });
+const plot = { style: { setProperty() {} }, replaceChildren(...parts) {
+  this.parts = parts; } };
+const caption = { ...plot, append(part) { this.parts.push(part); } };
+const base = { result: "e", wall: "rigid", a: 300, points: 1099, angle: 0, spin: 0,
+  friction: 0, seed: 0 };
+const rows = [[10, 0.05, 0.94], [10, 0.1, 0.93], [100, 0.1, 0.66]].map(
+  ([eta_star, load, value]) => ({ ...base, eta_star, load, value }));
+"""
+
+
+def test_results_of_other_parameters_are_another_curve_and_no_result_is_no_diagram(
+    tmp_path: Path,
+) -> None:
+    code = (
+        PLOT
+        + """
+const sets = inSets(rows).map(({ label, rows }) => [label, rows.length]);
+const options = { title: "e", range: [0.001, 0.1], fitted: false };
+showDiagram(plot, caption, rows, options);
+const marks = plot.parts.filter(({ tag }) => tag === "b").length;
+showDiagram(plot, caption, [], options);
+console.log(JSON.stringify([sets, marks, plot.parts.length, caption.parts]));"""
+    )
+    sets, marks, left, caption = run_in_node(code, tmp_path)
+    assert sets == [["η* = 10", 2], ["η* = 100", 1]]
+    assert (marks, left, caption) == (3, 0, ["e"])
+
+
+CURVES = """
+const canvas = () => ({ clientWidth: 0 });
+const graphs = new Graphs([canvas(), canvas()], () => {});
+const names = ["energy", "force", "motion"];
+const curves = names.map((name) => [name, name, "#000", "#fff"]);
+const message = (force, motion = "velocity upwards") => ({
+  t: force.map((_, k) => k), values: [force, force, force], motion: [motion, "c"] });
+const before = () => graphs.before?.curves[1].values ?? null;
+const found = [];
+const send = (...message_) => {
+  graphs.replace(message(...message_), curves);
+  found.push(before());
+};
+"""
+
+
+def test_the_curves_of_a_whole_throw_stay_until_the_next_is_whole(
+    tmp_path: Path,
+) -> None:
+    code = (
+        CURVES
+        + """
+send([0, 3, 5, 0]);
+send([0]);       // thrown again: the first stays
+send([0]);       // the start once more
+send([0, 2, 4]); // in the contact
+send([0]);       // begun again before its end: the first stays
+send([0, 1, 2, 0]);
+send([0]);       // the second stays
+send([0], "compression"); // another scene
+console.log(JSON.stringify(found));"""
+    )
+    first, second = [0, 3, 5, 0], [0, 1, 2, 0]
+    wanted = [None, first, first, first, first, first, second, None]
+    assert run_in_node(code, tmp_path) == wanted
+
+
+def test_axes_are_as_long_before_a_throw_as_they_will_be(tmp_path: Path) -> None:
+    # measured: at 0.1 c from 0.5 R the disk has left at 12.8 R/c, the force was 0.087;
+    # at 0.02 c from 0.025 R at 6.6 R/c, the force was 0.0148
+    code = (
+        CURVES
+        + """
+graphs.replace(message([0]), curves);
+const seen = [[0.1, 0.5], [0.02, 0.025]].map(([speed, lowest_y]) => {
+  graphs.expect({ t: 0, row: { com_vy: -speed, lowest_y } });
+  graphs.expect({ t: 3, row: { com_vy: 0, lowest_y: 0 } });
+  return [graphs.expected.time, graphs.scaled("force", 0.005).high];
+});
+console.log(JSON.stringify(seen));"""
+    )
+    fast, slow = run_in_node(code, tmp_path)
+    assert 12.8 < fast[0] < 15.0
+    assert 0.087 < fast[1] < 0.12
+    assert 6.4 < slow[0] < 10.0
+    assert 0.0148 < slow[1] < 0.03

@@ -1,0 +1,259 @@
+"""What the page shows, and what a user's act changes in it: where, how far, which."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+from tests.browser import Browser
+from tests.integration.test_page import SETTINGS, opened, serving
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Return the address of the program with the scenes of the list."""
+    folder = tmp_path_factory.mktemp("view")
+    with serving(folder, *(f"--set={one}" for one in SETTINGS)) as (_, url):
+        yield url
+
+
+@pytest.fixture(scope="module")
+def one_browser() -> Iterator[Browser]:
+    yield from opened("chromium")
+
+
+@pytest.fixture
+def browser(one_browser: Browser, address: str) -> Browser:
+    """The page as a new visitor sees it."""
+    one_browser.driver.get("about:blank")
+    one_browser.resize((1000, 760))
+    one_browser.open(address)
+    one_browser.script("sessionStorage.clear()")
+    one_browser.open(address)
+    return one_browser
+
+
+def entry(browser: Browser) -> Any:
+    """Return the number of the list's entry that is marked as the present one."""
+    return browser.script(
+        "return document.querySelector('#entries [aria-current=true]').dataset.play"
+    )
+
+
+def test_a_drag_of_40_pixels_moves_the_disk_by_40_and_a_scene_chosen_is_thrown_by_space(
+    browser: Browser,
+) -> None:
+    (x, y), radius = browser.disk()
+    browser.drag((x + radius + 30, y), (x + radius + 70, y + 25), button=2)
+    assert browser.disk() == ((x + 40, y + 25), radius)
+    browser.click("all")
+    assert browser.wait(lambda: browser.disk() == ((x, y), radius))
+    assert entry(browser) == "0"
+    browser.click("scenes")
+    assert browser.script("return document.getElementById('list').open")
+    browser.script("document.querySelector('#entries [data-play=\"3\"]').click()")
+    browser.wait(lambda: browser.text("sentence").endswith("?"))
+    browser.wait(lambda: entry(browser) == "3")
+    assert not browser.script("return document.getElementById('list').open")
+    assert browser.script("return sandbox.panel.paused")
+    browser.key(" ")
+    browser.wait(lambda: not browser.script("return sandbox.panel.paused"))
+    assert browser.errors() == []
+
+
+def test_a_number_that_is_none_is_refused_in_a_sentence_and_a_fraction_is_read(
+    browser: Browser,
+) -> None:
+    browser.type("impact.velocity", "2%")
+    browser.wait(lambda: "“2%” is not read as a number" in browser.text("message"))
+    assert browser.number("impact.velocity") == 0.05
+    browser.type("impact.velocity", "1/50")
+    browser.wait(lambda: browser.setting("velocity") == 0.02)
+
+
+def test_a_scene_asks_before_the_throw_and_answers_after_it_if_its_numbers_are_its_own(
+    browser: Browser,
+) -> None:
+    browser.script("window.sandbox.send({ do: 'play', number: 5 })")
+    browser.wait(lambda: "dashpots: how much" in browser.text("sentence"))
+    browser.script("window.sandbox.send({ do: 'set', key: 'speed', value: 5 })")
+    browser.click("drop")
+    browser.wait(lambda: browser.text("sentence") == "Nearly two fifths of the energy.")
+    assert "e = 0.7" in browser.text("caption")
+    browser.click("start")
+    browser.wait(lambda: "how much" in browser.text("sentence"))
+    first = browser.script("return sandbox.graphs.before.curves[0].values.length")
+    assert first > 50  # the throw before stays
+    assert "dotted: the throw before" in browser.text("energies")
+    browser.type("material.eta_star", "5")
+    browser.wait(lambda: browser.setting("eta_star") == 5.0)
+    count = len(browser.results())
+    browser.click("drop")
+    browser.wait(lambda: len(browser.results()) > count, 60.0)
+    assert "how much" in browser.text("sentence")
+
+
+def colour(browser: Browser, x: float, y: float) -> list[int]:
+    """Return the colour of the picture at a place [px]."""
+    return list(
+        browser.script(
+            f"const at = [{x} * devicePixelRatio, {y} * devicePixelRatio, 1, 1];"
+            "return [...sandbox.drawing.context.getImageData(...at).data]"
+        )
+    )[:3]
+
+
+def test_the_arrow_of_the_velocity_is_orange_only_while_it_can_be_dragged(
+    browser: Browser,
+) -> None:
+    middle = (
+        "const { drawing, state } = sandbox, { com_x: x, com_y: y } = state.row;"
+        "const [vx, vy] = drawing.options.arrow;"
+        "const length = 0.3 / Math.hypot(vx, vy);"
+        "return drawing.toScreen(x + length * vx, y + length * vy)"
+    )
+    assert colour(browser, *browser.script(middle)) == [230, 115, 0]
+    browser.click("drop")
+    browser.wait(lambda: browser.state("t") > 0.1)
+    browser.click("drop")
+    browser.wait(lambda: browser.script("return sandbox.panel.paused"))
+    time.sleep(0.2)
+    assert colour(browser, *browser.script(middle)) == [0, 128, 106]
+
+
+def test_energies_have_the_names_and_colours_of_films(browser: Browser) -> None:
+    from taichi_disk.output.panel import ON_DARK
+    from taichi_disk.simulation.observables import BY_NAME, of_kind
+
+    found = browser.script("return sandbox.hello.curves")
+    energies = {name: (light, dark) for graph, name, light, dark in found}
+    for name in [*of_kind("part"), "elastic", "wall", *of_kind("loss")]:
+        column = BY_NAME[name]
+        assert energies[column.label] == (column.colour, ON_DARK[column.colour])
+
+
+@contextmanager
+def emulated(browser: Browser, **media: Any) -> Iterator[None]:
+    """Let the browser be printing, or have colours of the system."""
+    try:
+        browser.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", media)
+        yield
+    finally:
+        nothing = {"media": "", "features": []}
+        browser.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", nothing)
+
+
+STRETCHED = """
+return [...document.querySelectorAll("canvas")].filter((one) =>
+  one.checkVisibility() && Math.abs(
+  one.width / one.height - one.clientWidth / one.clientHeight) > 0.03).length"""
+
+
+@pytest.mark.validate
+def test_on_paper_are_the_picture_the_parameters_and_the_curves_unstretched(
+    browser: Browser,
+) -> None:
+    browser.choose("video.theme", "dark")
+    ground = "return getComputedStyle(document.querySelector('main')).backgroundColor"
+    browser.wait(lambda: browser.script(ground) == "rgb(13, 14, 17)")
+    browser.script("window.dispatchEvent(new Event('beforeprint'))")
+    assert browser.script(ground) == "rgb(250, 250, 248)"
+    with emulated(browser, media="print"):
+        assert browser.script(STRETCHED) == 0
+        for name in ("disk", "caption", "energy", "motion", "material.eta_star"):
+            assert browser.visible(name), name
+        for name in ("drop", "help", "forces"):
+            assert not browser.visible(name), name
+    browser.script("window.dispatchEvent(new Event('afterprint'))")
+    assert browser.script(ground) == "rgb(13, 14, 17)"
+
+
+@pytest.mark.validate
+def test_forced_colours_leave_the_picture_and_the_curves_on_their_own_ground(
+    browser: Browser,
+) -> None:
+    dark = {"name": "prefers-color-scheme", "value": "dark"}
+    features = [{"name": "forced-colors", "value": "active"}, dark]
+    with emulated(browser, features=features):
+        time.sleep(0.5)
+        style = "getComputedStyle(document.querySelector('%s'))"
+        for name in (".stage", ".plot"):
+            ground = browser.script(f"return {style % name}.backgroundColor")
+            ink = browser.script(f"return {style % name}.color")
+            assert ground == browser.script(
+                "return sandbox.drawing.scene.themes[sandbox"
+                ".drawing.options.theme].ground"
+            )
+            assert ink != ground
+
+
+PROJECTORS = [((1920, 1080), 730), ((3840, 2160), 1450), ((1024, 768), 380)]
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize(("size", "least"), PROJECTORS)
+def test_on_a_projector_the_disk_is_large_and_letters_grow_with_the_screen(
+    browser: Browser, size: tuple[int, int], least: int
+) -> None:
+    browser.resize(size)
+    smallest = """
+return Math.min(...[...document.querySelectorAll("main *")].filter((one) =>
+  one.checkVisibility({ visibilityProperty: true })
+  && [...one.childNodes].some((node) => node.nodeType === 3 && node.data.trim()))
+  .map((one) => parseFloat(getComputedStyle(one).fontSize)))"""
+    time.sleep(0.5)
+    assert browser.script(smallest) >= 0.009 * size[1]
+    assert 12.0 * browser.script("return sandbox.letters") >= 0.009 * size[1]
+    browser.script("sandbox.project(true)")
+    browser.wait(lambda: browser.visible("timeline"))
+    time.sleep(0.5)
+    assert 2 * browser.disk()[1] >= least
+    assert browser.script(smallest) >= 0.009 * size[1]
+
+
+@pytest.mark.validate
+def test_a_phone_begins_with_a_large_disk_and_a_tab_opens_its_panel(
+    browser: Browser,
+) -> None:
+    browser.resize((390, 844))
+    browser.driver.refresh()
+    browser.wait(
+        lambda: browser.script("return Boolean(window.sandbox?.drawing.state)")
+    )
+    time.sleep(0.3)
+    assert not browser.visible("impact.velocity")
+    assert 2 * browser.disk()[1] > 330
+    browser.script("document.querySelector('nav [data-tab=experiment]').click()")
+    assert browser.wait(lambda: browser.visible("impact.velocity"))
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("size", [(683, 384), (720, 450), (960, 540)])
+def test_at_a_zoom_of_200_per_cent_no_tab_runs_into_the_next(
+    browser: Browser, size: tuple[int, int]
+) -> None:
+    browser.resize(size)
+    time.sleep(0.3)
+    overlong = """
+return [...document.querySelectorAll("nav button")].filter((one) =>
+  one.checkVisibility() && (one.scrollWidth > one.clientWidth + 1
+  || one.getBoundingClientRect().right > innerWidth)).map((one) => one.id)"""
+    assert browser.script(overlong) == []
+    assert browser.script("return document.documentElement.scrollWidth") <= size[0]
+
+
+def test_no_style_and_no_script_needs_what_chrome_109_lacks() -> None:
+    from taichi_disk.web.drawing import source
+
+    for name in ("style.css", "film.css", "index.html", "film.html"):
+        text = source(name)
+        code = text.replace("know light-dark()", "")
+        assert "light-dark(" not in code, name
+        assert "popover" not in code, name
+    for name in ("sandbox.js", "page.js", "graphs.js", "results.js", "film.js"):
+        assert ":popover" not in source(name), name
+        assert "light-dark(" not in source(name), name
