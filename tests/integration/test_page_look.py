@@ -225,10 +225,14 @@ def test_a_phone_begins_with_a_large_disk_and_a_tab_opens_its_panel(
         lambda: browser.script("return Boolean(window.sandbox?.drawing.state)")
     )
     time.sleep(0.3)
-    assert not browser.visible("impact.velocity")
-    assert 2 * browser.disk()[1] > 330
+    shown = (
+        "return document.querySelector('.experiment')"
+        ".checkVisibility({ visibilityProperty: true })"
+    )
+    assert not browser.script(shown)
+    assert 2 * browser.disk()[1] > 300
     browser.script("document.querySelector('nav [data-tab=experiment]').click()")
-    assert browser.wait(lambda: browser.visible("impact.velocity"))
+    assert browser.wait(lambda: browser.script(shown))
 
 
 @pytest.mark.validate
