@@ -199,7 +199,7 @@ def _view(arguments: argparse.Namespace) -> None:
 
 def _render(arguments: argparse.Namespace) -> None:
     from taichi_disk.api import Result
-    from taichi_disk.render.film import check_target
+    from taichi_disk.render.film import check_target, size_text
 
     if arguments.out:
         check_target(arguments.out)
@@ -227,7 +227,7 @@ def _render(arguments: argparse.Namespace) -> None:
     what = "film"
     if out.suffix == ".png":
         what = "picture"
-    print(f"{what} in {out}")
+    print(f"{what} in {out}, {size_text(out)}")
 
 
 def _film_name(form: str, is_comparison: bool) -> str:

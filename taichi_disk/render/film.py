@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import NOTICES, InputError
 from taichi_disk.output.artist import Artist
@@ -46,6 +48,10 @@ FORMATS = (".mp4", ".webm", ".gif", ".html", ".png", "")
 # times higher than the letters of their titles.
 _MIN_PANEL_SIZE = 360
 _MIN_PANEL_LINES = 20
+# Springs closer than this are left out of a GIF, where they take two thirds of the
+# bytes [px].
+_GIF_SPRINGS = 10.0
+_DISK_RADIUS = 0.31  # over the height of a picture
 _LABEL_SIZE = 1.5  # size of a comparison's differing keys, relative to the title
 
 
@@ -98,8 +104,11 @@ def prepare_film(
     check_runs(runs, labels)
     require_film()
     size, fps = video.size_and_rate(path.suffix[1:])
+    metadata = film_origin(runs, video)
     if path.suffix == ".gif":
         fps = min(fps, GIF_FPS)
+        if video.draw == "both" and _spacing(runs) * size < _GIF_SPRINGS:
+            video = replace(video, draw="field")
     flights = [Flight.of(run, video.flight) for run in runs]
     if path.suffix == ".png":
         shots = [still_cue(runs[0], span)]
@@ -118,7 +127,6 @@ def prepare_film(
     if video.panel and len(runs) == 1 and has_room:
         scene = panel_scene(runs[0], letters, video.theme)
         panel = Panel(artist or Artist(), scene)
-    metadata = film_origin(runs, video)
     progress("render", 0, len(shots))
 
     def write(new: Path) -> None:
@@ -134,6 +142,23 @@ def prepare_film(
                 progress("render", k + 1, len(shots))
 
     return partial(atomic_write, path, write)
+
+
+def _spacing(runs: Sequence[Run]) -> float:
+    """Return the distance of points in the finest lattice over a picture's height."""
+    finest = min(np.median(run.scenario.lattice.rest_lengths) for run in runs)
+    return float(finest) * _DISK_RADIUS
+
+
+def size_text(path: Path) -> str:
+    """Return the size of a film or a folder of pictures in words."""
+    files = [path]
+    if path.is_dir():
+        files = list(path.iterdir())
+    size = sum(file.stat().st_size for file in files)
+    if size < 1e5:
+        return f"{size / 1e3:.0f} kB"
+    return f"{size / 1e6:.1f} MB"
 
 
 def _note_lacking_letters(names: Sequence[tuple[str, ...]]) -> None:

@@ -65,7 +65,7 @@ def draw_state(
         style = STYLE | dict.fromkeys(_INKED, ax.xaxis.label.get_color())
     with matplotlib_style(style):
         if ax is None:
-            figure = Plot(figsize=(5.2, 4.2), dpi=160, layout="constrained")
+            figure = Plot(figsize=(5.2, 4.2), dpi=160, layout="compressed")
             FigureCanvasAgg(figure)
             ax = figure.subplots()
         for artist in _ARTISTS.get(ax, set()).intersection(ax.get_children()):

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+from io import BytesIO
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.collections import TriMesh
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from PIL import Image
 
-from taichi_disk import load_scene, run
+from taichi_disk import run
 from taichi_disk.errors import InputError
+from taichi_disk.fields import QUANTITIES
 from taichi_disk.render.palette import LEVELS, colour_map
 
 
 @pytest.fixture(scope="module")
 def result():
-    return run(load_scene("exponential_wall", ["lattice.points=60"]), lattices=1)
+    return run(
+        load_scene("exponential_wall", ["lattice.points=60", "impact.velocity=0.1"]),
+        lattices=1,
+    )
 
 
 def meshes(axes):
@@ -109,3 +116,12 @@ def test_the_fonts_of_a_file_are_those_that_publishers_take(result, tmp_path):
             # type 3 draws letters as paths
             assert b"/Type3" not in content
             assert b"/FontType 3" not in content
+
+
+@pytest.mark.parametrize("colour", QUANTITIES)
+def test_no_label_is_cut_at_the_sides_of_the_figure(result, colour):
+    file = BytesIO()
+    result.draw(colour=colour).savefig(file)
+    picture = np.asarray(Image.open(file).convert("L"))
+    for side in (picture[0], picture[-1], picture[:, 0], picture[:, -1]):
+        assert side.min() == 255
