@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from taichi_disk import runtime
+from taichi_disk.api.film import film
 from taichi_disk.api.lattices import MOST_LATTICES
 from taichi_disk.api.work import FRAMES, MOST_FRAMES, Work
 from taichi_disk.computation.contact import greatest_compression
@@ -380,7 +381,6 @@ class Result(Outcome):
         """
         from taichi_disk.render.film import check_target
         from taichi_disk.render.moments import Span
-        from taichi_disk.web.film import film
 
         path = as_path(path, "path")
         compared = [compare] if isinstance(compare, Result) else compare or ()
@@ -408,7 +408,7 @@ class Result(Outcome):
                     Span(at, start, end),
                     labels,
                     artist,
-                )()
+                )
         finally:
             files.remove_empty(made)  # they are empty if there is no film
         return path

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from taichi_disk import runtime
+from taichi_disk.api.film import film
 from taichi_disk.api.lattices import compare_lattices, lattice_count
 from taichi_disk.computation.diagnostics import BlowUp
 from taichi_disk.computation.outcome import Outcome, compute
@@ -227,16 +228,14 @@ def _export(path: Path, outcome: Outcome, format: str) -> None:
 def _film(path: Path, outcome: Outcome, artist: Artist, progress: Progress) -> None:
     """Make the film, or a page that plays it where this machine cannot draw
     pictures."""
-    from taichi_disk.web.film import film
-
     section = outcome.scenario.scene.video
     name = f"video.{section.format}"
     if section.format == "png":
         name = "frames"
     try:
-        film(path / name, [outcome], section, progress, artist=artist)()
+        film(path / name, [outcome], section, progress, artist=artist)
     except NoPictures as error:
-        film(path / "video.html", [outcome], section, progress)()
+        film(path / "video.html", [outcome], section, progress)
         text = f"the film is video.html, a page for any browser, because {error}"
         _add(outcome.summary, "notes", text)
 

@@ -73,7 +73,7 @@ def check_target(path: Path) -> None:
         check_pictures(path)
 
 
-def prepare_film(
+def draw_film(
     path: Path,
     runs: Sequence[Run],
     video: VideoSection,
@@ -81,9 +81,9 @@ def prepare_film(
     span: Span = WHOLE,
     labels: Sequence[str] = (),
     artist: Artist | None = None,
-) -> Callable[[], None]:
-    """Prepare to film `runs` side by side into `path`, at equal times and with one
-    scale of colours, and return the function that does it.
+) -> None:
+    """Film `runs` side by side into `path`, at equal times and with one scale of
+    colours.
 
     The film begins and ends in flight, pauses at the greatest compression, and shows
     the result at the end. `ti.init` must have been called.
@@ -97,8 +97,8 @@ def prepare_film(
         artist: draws the curves.
 
     Raises InputError for an invalid suffix, folder or span, or for runs that cannot be
-    compared; TaichiDiskError if this machine cannot make films. The returned function
-    raises SimulationError if the file cannot be written.
+    compared; TaichiDiskError if this machine cannot make films; SimulationError if the
+    file cannot be written.
     """
     check_target(path)
     check_runs(runs, labels)
@@ -141,7 +141,7 @@ def prepare_film(
                 append(finish)
                 progress("render", k + 1, len(shots))
 
-    return partial(atomic_write, path, write)
+    atomic_write(path, write)
 
 
 def _spacing(runs: Sequence[Run]) -> float:

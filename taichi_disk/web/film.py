@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import zlib
 from base64 import b64encode
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
 from pathlib import Path
@@ -19,13 +19,11 @@ from numpy.typing import NDArray
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.fields import QUANTITIES, Triangles
 from taichi_disk.lattice import Array
-from taichi_disk.output.artist import Artist
 from taichi_disk.output.files import write_text
 from taichi_disk.output.panel import ON_DARK
 from taichi_disk.output.plot import axis_labels, curves
 from taichi_disk.progress import Progress
-from taichi_disk.render import film as pictures
-from taichi_disk.render.film import common_span
+from taichi_disk.render.film import common_span, film_origin
 from taichi_disk.render.moments import (
     MOMENTS,
     WHOLE,
@@ -58,22 +56,19 @@ _STATES = 300_000  # approximate number of points in all states of a file togeth
 _FEWEST = 40  # fewest states, for a large disk; the page interpolates between them
 
 
-def film(
+def write_page(
     path: Path,
     runs: Sequence[Run],
     video: VideoSection,
     progress: Progress,
     span: Span = WHOLE,
     labels: Sequence[str] = (),
-    artist: Artist | None = None,
-) -> Callable[[], None]:
-    """Prepare a page (.html) that plays the states of `runs` side by side, with the
-    arguments of `render.film.prepare_film`, and return the function that writes it.
+) -> None:
+    """Write a page (.html) that plays the states of `runs` side by side. Arguments and
+    errors are those of `render.film.draw_film`.
 
-    A page needs no Vulkan. Raises what `render.film.prepare_film` raises.
+    A page needs no Vulkan.
     """
-    if path.suffix != ".html":
-        return pictures.prepare_film(path, runs, video, progress, span, labels, artist)
     check_runs(runs, labels)
     points = max(len(run.scenario.lattice.positions) for run in runs)
     _, fps = video.size_and_rate("html")
@@ -82,24 +77,20 @@ def film(
     flights = [Flight.of(run, video.flight) for run in runs]
     shots = cues(runs, common_span(flights), frames, fps, span)
     progress("render", 0, len(runs))
-
-    def write() -> None:
-        times = [cue.t for cue in shots]
-        states = [Recording(one, times, list(QUANTITIES)) for one in flights]
-        names = titles(runs, labels)
-        rate = fps * frames / max(wanted, 1)  # cues in a second
-        packed = _packed(states, shots, video, names, rate, progress)
-        text = Template(source("film.html")).substitute(
-            title=escape(" | ".join(title[0] for title in names)),
-            origin=escape(pictures.film_origin(runs, video)),
-            states=b64encode(packed).decode(),
-            style=source("style.css") + source("film.css"),
-            script=bundle(*DRAWING, "controls.js", "film.js"),
-        )
-        write_text(path, text)
-        progress("render", len(runs), len(runs))
-
-    return write
+    times = [cue.t for cue in shots]
+    states = [Recording(one, times, list(QUANTITIES)) for one in flights]
+    names = titles(runs, labels)
+    rate = fps * frames / max(wanted, 1)  # cues in a second
+    packed = _packed(states, shots, video, names, rate, progress)
+    text = Template(source("film.html")).substitute(
+        title=escape(" | ".join(title[0] for title in names)),
+        origin=escape(film_origin(runs, video)),
+        states=b64encode(packed).decode(),
+        style=source("style.css") + source("film.css"),
+        script=bundle(*DRAWING, "controls.js", "film.js"),
+    )
+    write_text(path, text)
+    progress("render", len(runs), len(runs))
 
 
 def _packed(

@@ -12,7 +12,7 @@ from taichi_disk.processes.pool import Pool
 from taichi_disk.progress import silent
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import body_of
-from taichi_disk.web.film import film
+from taichi_disk.web.film import write_page
 
 
 async def make_film(scene: Scene) -> str:
@@ -37,6 +37,5 @@ def _page(scene: Scene) -> str:
     outcome = compute(scene.scenario(body_of(scene)), estimate=False)
     with TemporaryDirectory() as folder:
         path = Path(folder, "disk.html")
-        write = film(path, [outcome], scene.video, silent)
-        write()
+        write_page(path, [outcome], scene.video, silent)
         return path.read_text(encoding="utf-8")

@@ -102,7 +102,7 @@ def digests(files):
 
 
 def film(*arguments):
-    film_module.prepare_film(*arguments)()
+    film_module.draw_film(*arguments)
 
 
 @needs_vulkan
@@ -870,3 +870,21 @@ def test_labels_replace_titles_one_for_each_run(run, tmp_path):
     assert [title[0] for title in titles([run, run], ["a", "b"])] == ["a", "b"]
     with pytest.raises(InputError, match="1 labels for 2 runs: give one for each run"):
         film(tmp_path / "film.mp4", [run, run], video(), QUIET, Span(), ["a"])
+
+
+@needs_vulkan
+def test_a_gif_is_small_unless_its_size_is_given(run, tmp_path):
+    size = {}
+    for name, keys in (
+        ("default", {"size": "auto", "fps": "auto"}),
+        ("fine", {"size": 480, "fps": 15, "draw": "field"}),
+        ("given", {"size": 600, "fps": 10, "draw": "field"}),
+    ):
+        path = tmp_path / f"{name}.gif"
+        film(path, [run], video(seconds=0.6, **keys), QUIET)
+        with Image.open(path) as gif:
+            size[name] = gif.size[1], gif.n_frames
+            gif.seek(gif.n_frames - 1)
+    assert size["default"][0] == size["fine"][0] == 480
+    assert size["given"][0] == 600
+    assert size["default"][1] > 1.3 * size["given"][1]

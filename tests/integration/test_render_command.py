@@ -61,12 +61,14 @@ def test_filmed_again_a_film_is_the_same_and_the_results_stay(runs):
 
 @needs_vulkan
 @pytest.mark.validate
-def test_two_runs_are_shown_side_by_side(runs, tmp_path):
+def test_two_runs_are_shown_side_by_side(runs, tmp_path, capsys):
     path = tmp_path / "both.png"
     assert (
         main(["render", str(runs[0]), "--compare", str(runs[1]), "--out", str(path)])
         == 0
     )
+    size = f"{path.stat().st_size / 1e3:.0f} kB"
+    assert f"picture in {path}, {size}\n" in capsys.readouterr().out
     left, right = np.split(np.asarray(Image.open(path)).astype(float), 2, axis=1)
     # two are 16 : 9
     assert left.shape == right.shape == (240, 214, 3)

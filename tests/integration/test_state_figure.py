@@ -20,10 +20,7 @@ from taichi_disk.render.palette import LEVELS, colour_map
 
 @pytest.fixture(scope="module")
 def result():
-    return run(
-        load_scene("exponential_wall", ["lattice.points=60", "impact.velocity=0.1"]),
-        lattices=1,
-    )
+    return run("exponential_wall", points=60, velocity=0.1, lattices=1)
 
 
 def meshes(axes):
