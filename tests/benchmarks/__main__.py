@@ -21,7 +21,7 @@ PARTS: dict[str, tuple[Part, str]] = {
     "film": (commands.film, "`run` to its film, caches empty and warm"),
     "page": (
         page.page,
-        "processor time of a state, states a second of the page in Chromium",
+        "1, 10 and 30 pages at once; a state's processor time, the page in Chromium",
     ),
     "precision": (
         precision.precision,

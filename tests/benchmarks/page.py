@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import multiprocessing
-import re
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from itertools import pairwise
 from statistics import median, quantiles
+
+from .pages import pages, served
 
 SCENES = (
     ("compression",),
@@ -25,10 +24,11 @@ COUNTED = 200  # number of states that are measured
 
 
 def page(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
-    """Measure the states per second that Chromium draws, and the server's processor
-    time for a state."""
+    """Measure many pages at once, the states per second that Chromium draws, and the
+    server's processor time for a state."""
     from tests.browser import MISSING
 
+    yield from pages(settings)
     yield (
         f"{'the page, 1400 x 900':<46}{'ms/state':>10}{'kB/state':>10}"
         f"{'states/s':>10}{'slowest 1 %':>13}"
@@ -86,16 +86,10 @@ def browse(scene: str, settings: tuple[str, ...]) -> list[float]:
     """Return the times between the pictures of a page [s], while its scene moves."""
     from tests.browser import Browser
 
-    command = [sys.executable, "-m", "taichi_disk", "view", scene, "--no-open"]
-    command += [f"--set={setting}" for setting in settings]
-    program = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    assert program.stdout
-    try:
-        found = re.search(r"http://\S+/", program.stdout.readline())
-        assert found, "the page is not served"
+    with served(scene, *(f"--set={setting}" for setting in settings)) as (_, address):
         browser = Browser((1400, 900))
         try:
-            browser.open(found[0])
+            browser.open(address)
             browser.click("drop")
             time.sleep(WARM_UP)
             browser.script(
@@ -107,7 +101,4 @@ def browse(scene: str, settings: tuple[str, ...]) -> list[float]:
             shown = browser.script("return window.shown")
         finally:
             browser.driver.quit()
-    finally:
-        program.terminate()
-        program.wait()
     return [(later - one) / 1000 for one, later in pairwise(shown)]

@@ -5,11 +5,13 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import re
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
@@ -99,7 +101,7 @@ class Page:
         return [b - a for a, b in pairwise(inside)]
 
 
-def pages(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
+def pages(settings: tuple[str, ...]) -> Iterator[str]:
     """Measure states a second of each of many pages, the longest gap, and memory; then
     the longest gap of the others while one page changes scenes and lattices."""
     yield (
@@ -110,21 +112,50 @@ def pages(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
         yield asyncio.run(_measured(count, settings))
 
 
-async def _measured(count: int, settings: tuple[str, ...]) -> str:
-    command = [sys.executable, "-m", "taichi_disk", "view", "--no-open"]
-    if settings:
-        command += ["exponential_wall", *(f"--set={one}" for one in settings)]
+@contextmanager
+def served(*words: str) -> Iterator[tuple[int, str]]:
+    """Yield the process of `taichi-disk view` with these arguments, and its address."""
+    command = [sys.executable, "-m", "taichi_disk", "view", "--no-open", *words]
     program = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert program.stdout
+    try:
+        found = re.search(r"http://\S+/", program.stdout.readline())
+        assert found, "the page is not served"
+        yield program.pid, found[0]
+    finally:
+        program.terminate()
+        program.wait()
+
+
+def _used(pid: int) -> float:
+    """Return the processor time of a process [s]."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+async def _compiled(pid: int) -> None:
+    """Wait until a program that nobody uses has compiled its kernels."""
+    used = -1.0
+    while _used(pid) > used + 0.1:
+        used = _used(pid)
+        await asyncio.sleep(2.0)
+
+
+async def _measured(count: int, settings: tuple[str, ...]) -> str:
+    words = [f"--set={one}" for one in settings]
+    with served("--host", "0.0.0.0", *words) as (pid, root):
+        await _compiled(pid)
+        return await _watched(count, pid, root)
+
+
+async def _watched(count: int, pid: int, root: str) -> str:
+    address = root.replace("http", "ws", 1) + "socket"
+    origin = root.rpartition("/")[0].rpartition("/")[0]
     tasks = []
     try:
-        found = re.search(r"(http://[^/]+)/\S+/", program.stdout.readline())
-        assert found, "the page is not served"
-        address = found[0].replace("http", "ws", 1) + "socket"
-        await asyncio.sleep(20.0)  # kernels are compiled while nobody plays
         players = [Page() for _ in range(count)]
         for one in players:
-            tasks.append(asyncio.create_task(one.play(address, found[1])))
+            tasks.append(asyncio.create_task(one.play(address, origin)))
             await asyncio.sleep(APART)
         await asyncio.sleep(2.0)
         begin = time.perf_counter()
@@ -135,12 +166,10 @@ async def _measured(count: int, settings: tuple[str, ...]) -> str:
             await last.say(**message)
             await asyncio.sleep(WATCHED / len(COMMANDS))
         finished = time.perf_counter()
-        memory = Path(f"/proc/{program.pid}/statm").read_text().split()
+        memory = Path(f"/proc/{pid}/statm").read_text().split()
     finally:
         for task in tasks:
             task.cancel()
-        program.terminate()
-        program.wait()
     rates = []
     for one in players:
         inside = [moment for moment in one.times if begin <= moment <= end]
