@@ -3,10 +3,14 @@ end."""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from taichi_disk.lattice import Array
 from taichi_disk.simulation.observables import Columns
+
+if TYPE_CHECKING:
+    from taichi_disk.lattice import Array
 
 # contact lasts while the wall's force exceeds this fraction of its peak
 CONTACT_LEVEL = 0.01

@@ -23,13 +23,13 @@ import numpy as np
 
 from taichi_disk import engine
 from taichi_disk.errors import InputError, SimulationError, reason
-from taichi_disk.lattice import Array, Lattice
 from taichi_disk.machine import processor
 from taichi_disk.simulation.observables import COLUMNS, Column
 from taichi_disk.text_files import read_text
 from taichi_disk.version import __version__
 
 if TYPE_CHECKING:
+    from taichi_disk.lattice import Array, Lattice
     from taichi_disk.scenes.scene import DiskScene
 
 MARK = "summary.json"  # of a folder that holds a run

@@ -17,12 +17,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_disk.computation.contact import results_time, vibration_left
-from taichi_disk.computation.scenario import Scenario, Words
+from taichi_disk.computation.words import Words
 from taichi_disk.output.artist import Artist
-from taichi_disk.output.files import Array, atomic_write, origin
+from taichi_disk.output.files import atomic_write, origin
 from taichi_disk.simulation.observables import BY_NAME, VELOCITY, Columns, of_kind
 
 if TYPE_CHECKING:
+    from taichi_disk.computation.scenario import Array, Scenario
     from taichi_disk.output.inline import Plot
 
 STYLE: dict[Any, Any] = {

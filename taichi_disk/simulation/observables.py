@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from taichi_disk.lattice import Array
+if TYPE_CHECKING:  # the process that draws curves needs no lattice
+    from taichi_disk.lattice import Array
 
-Columns = dict[str, Array]  # the time series: one array (rows,) per column
+# the time series: one array (rows,) per column
+Columns: TypeAlias = "dict[str, Array]"
 # velocity and flight; contrast to white at least 4.5, like all colours of COLUMNS
 VELOCITY = "#00806A"
 # Okabe and Ito's colours, which colour-blind readers can tell apart.

@@ -28,6 +28,7 @@ from taichi_disk.output.plot import (
     plot_run,
     plot_scene,
 )
+from taichi_disk.processes.pool import Pool
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import shared_kernels
 
@@ -200,3 +201,16 @@ def test_matplotlib_is_not_imported_for_names_and_colours_of_the_curves():
     code = "import sys, taichi_disk.render.palette; print('matplotlib' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout.splitlines()[-1] == "False"
+
+
+@pytest.mark.validate
+def test_a_process_that_draws_imports_neither_lattices_nor_scenes(
+    impact, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("taichi_disk.output.plot.plot_run", plot_run)
+    names = "taichi_disk.lattice", "taichi_disk.config", "scipy", "matplotlib.pyplot"
+    pool = Pool(1)
+    pool.submit(plot_run, tmp_path / "a.png", plot_scene(*impact)).result()
+    loaded = pool.submit(eval, f"{{*{names}}} & {{*__import__('sys').modules}}")
+    assert loaded.result() == set()
+    pool.shutdown()

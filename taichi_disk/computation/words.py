@@ -1,0 +1,41 @@
+"""The names of the quantities of a scenario, for films, plots, tables and messages."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, kw_only=True)
+class Words:
+    """What films, plots, tables and messages call the quantities of a scenario. Labels
+    of axes end with the unit in brackets.
+
+    Attributes:
+        title: lines of films and plots: the scene and its parameters.
+        symbol: of the primary result.
+        labels: name and unit of each number of `result` that is shown.
+        measured: how each number of `result` was measured.
+        marks: texts for the end of `motion` and for the wall's force, in which the
+            numbers of `result` are filled in.
+        motion: label of the axis of `motion`.
+        momentary: name and unit of `momentary_motion`.
+        time: label of the axis of `t`.
+        quality: label and scale, "linear" or "log", of the axis of `quality`.
+        pace: the film's time scale, in which the time per second is filled in; "": `t`
+            is no time.
+        end: what has happened at the end.
+        truncation_remedy: advice on how to make `end_truncation_error` smaller.
+    """
+
+    title: tuple[str, ...]
+    symbol: str = ""
+    labels: dict[str, tuple[str, str]]
+    measured: dict[str, str] = field(default_factory=dict)
+    marks: tuple[str, str] = ("", "")
+    motion: str
+    momentary: tuple[str, str] = ("velocity upwards", "c")
+    time: str = "time  [R/c]"
+    quality: tuple[str, str] = ("energy imbalance", "linear")
+    pace: str = "1 s = {:g} R/c"
+    end: str = ""
+    truncation_remedy: str = ""
