@@ -13,7 +13,7 @@ def process() -> None:
     import os
     import sys
 
-    # Imports make many objects that stay: collecting among them takes 1 to 2 % of a run.
+    # Imports make many objects that stay; collecting among them takes 1 to 2 %.
     gc.set_threshold(100_000)
     # Set this before NumPy is imported: idle threads of OpenBLAS would use the cores,
     # and nothing here needs them.

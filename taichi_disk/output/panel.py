@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_disk.output.files import Array
 from taichi_disk.output.plot import PANEL_HEIGHTS, STYLE, TimeCurve, matplotlib_style
+
+if TYPE_CHECKING:
+    from taichi_disk.lattice import Array
 
 Picture = NDArray[np.uint8]
 Box = tuple[int, int, int, int]
