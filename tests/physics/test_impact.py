@@ -237,6 +237,26 @@ def test_when_it_ends_the_disk_has_left_for_good(name, settings, kernels):
     assert_has_left(kernels, name, *settings)
 
 
+def test_the_time_limit_allows_ten_contacts_with_a_soft_wall():
+    keys = {"lattice.points": 60, "wall.points": 80, "wall.k_a": 1e-4}
+    scenario = load_scene("absorbing_wall").with_(keys).scenario()
+    # half a period of a mass M on the softer spring constant
+    ten_contacts = 10.0 * np.pi * np.sqrt(1.0 / 1e-4)
+    flight = 22.0 * (scenario.gap + scenario.shape.outline_depth) / 0.02
+    assert scenario.max_time == pytest.approx(ten_contacts + flight, rel=1e-12)
+
+
+def test_a_soft_disk_that_vibrates_must_rise_by_its_amplitude():
+    scene = load_scene("exponential_wall").with_({"material.k_a": 1e-2})
+    scenario = scene.with_({"lattice.points": 60}).scenario()
+    vibration = 2e-6
+    row = {"com_vx": 0.0, "com_vy": 0.01, "com_y": 2.0, "angular_momentum": 0.0}
+    row |= {"kinetic": 0.5e-4 + vibration, "elastic": 0.0, "lowest_y": scenario.gap}
+    columns = {name: np.array([value]) for name, value in row.items()}
+    amplitude = np.sqrt(2.0 * vibration / 1e-2)
+    assert scenario.time_to_end(columns) == pytest.approx(amplitude / 0.01)
+
+
 def test_a_body_that_turns_fast_ends_no_sooner_than_its_corners_are_clear():
     scenario = load_scene(
         "exponential_wall", [*TURNING, "material.eta_star=0"]

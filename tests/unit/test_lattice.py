@@ -194,6 +194,16 @@ def test_holes_and_cores_that_cannot_be_are_refused(arguments, message):
         disk_lattice(1099, 0, **arguments)
 
 
+@pytest.mark.parametrize("points", [30, 61, 150, 300, 1099, 5000])
+def test_the_rim_s_spacing_is_that_of_a_hexagonal_lattice_inside(points):
+    on_rim = rim_points(points)
+
+    def excess(rim):
+        return 2 * np.pi / rim - hexagonal_spacing(points - rim / 2)
+
+    assert excess(on_rim - 0.5) > 0.0 > excess(on_rim + 0.5)
+
+
 def test_the_disk_has_no_slivers():
     disk = disk_lattice(1099, 0)
     corner = disk.positions[disk.triangles]

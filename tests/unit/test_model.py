@@ -136,10 +136,10 @@ def test_equal_springs_have_a_kernel_of_their_own_and_masses_need_no_other_kerne
     assert_array_equal(rows["stiff"], rows["plain"])  # times 1
     assert not np.allclose(rows["heavy"], rows["plain"], rtol=1e-6)
     assert disk(60).stiffness is None
-    assert (
-        Lattice.from_points(lattice.positions, masses=np.full(60, 3.0)).masses
-        == 1.0 / 60
-    ).all()
+    for mass in (0.1, 3.0, 7.7):
+        equal = Lattice.from_points(lattice.positions, masses=np.full(60, mass)).masses
+        assert equal == pytest.approx(1.0 / 60, rel=1e-15)
+        assert np.ptp(equal) == 0.0
 
 
 @pytest.mark.parametrize(
