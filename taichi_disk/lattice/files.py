@@ -75,22 +75,15 @@ def points_of_disk(data: Mapping[str, Any], points: int) -> int:
 
 
 def disk_rows(arrays: Mapping[str, Any], n: int) -> dict[str, Any]:
-    """Return the rows of the first `n` points of those of a lattice's `arrays` that
-    belong to points, springs or triangles."""
+    """Return those rows of a lattice's `arrays` that belong to the first `n` points,
+    their springs or triangles."""
     rows = {}
+    for name, owner in _OWNERS.items():
+        array = arrays.get(name)
+        if array is not None:
+            of_disk = np.less(arrays[owner], n).all(axis=-1)
+            rows[name] = np.asarray(array)[of_disk]
     for name in ("positions", "masses"):
         if arrays.get(name) is not None:
             rows[name] = np.asarray(arrays[name])[:n]
-    for name, owner in _OWNERS.items():
-        array = arrays.get(name)
-        if array is None:
-            continue
-        points = arrays[owner]
-        of_disk = np.all(np.less(points, n), axis=-1)
-        if np.shape(array)[:1] != of_disk.shape:
-            raise InputError(
-                f"{name} has the shape {np.shape(array)}, which does not fit {owner} of"
-                f" the shape {np.shape(points)}"
-            )
-        rows[name] = np.asarray(array)[of_disk]
     return rows

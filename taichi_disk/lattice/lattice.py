@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -40,7 +41,6 @@ from taichi_disk.lattice.triangles import (
     pair_keys,
     polygon_area,
     unusable,
-    why_not_one_piece,
 )
 from taichi_disk.text_files import read_text
 
@@ -229,14 +229,15 @@ class Lattice:
         Raises InputError if the points or springs do not form such a body; the message
         says where.
         """
-        return _lattice_of(
-            points,
-            springs,
-            triangles,
-            masses=masses,
-            rest_lengths=rest_lengths,
-            stiffness=stiffness,
-        )
+        arrays = {
+            "positions": points,
+            "bonds": springs,
+            "triangles": triangles,
+            "masses": masses,
+            "rest_lengths": rest_lengths,
+            "stiffness": stiffness,
+        }
+        return _lattice_of(arrays, _MAX_OFFSET)
 
     @classmethod
     def read(cls, path: str | Path) -> Lattice:
@@ -355,17 +356,13 @@ def outline_of(points: Array, triangles: Long) -> Long:
     return rings[0]
 
 
-def _lattice_of(
-    points: Any,
-    springs: Any,
-    triangles: Any,
-    masses: Any,
-    max_offset: float = _MAX_OFFSET,
-    **of_springs: Any,
-) -> Lattice:
+def _lattice_of(arrays: Mapping[str, Any], max_offset: float) -> Lattice:
     """Return the lattice of user-supplied arrays, as `Lattice.from_points` does.
-    `of_springs`: rest_lengths and stiffness, or None."""
-    x = custom.point_array(points)
+    `max_offset`: largest distance of the points' mean from x = 0 [R]."""
+    springs = arrays.get("bonds")
+    triangles = arrays.get("triangles")
+    masses = arrays.get("masses")
+    x = custom.point_array(arrays["positions"])
     bonds = None
     if springs is not None:
         bonds = custom.checked_springs(springs, len(x))
@@ -392,53 +389,43 @@ def _lattice_of(
         lattice = tiled(x, corners, bonds)
     except SimulationError:
         raise InputError(
-            f"the triangles do not form one connected piece:"
-            f" {why_not_one_piece(x, corners)}"
+            "the triangles do not form one connected piece: join its pieces, and parts"
+            " that share only single points, by further triangles"
         ) from None
-    arrays = _spring_arrays(bonds, len(x), **of_springs)
-    return replace(lattice, masses=_scaled_masses(weights), notes=notes, **arrays)
+    of_springs = _spring_arrays(bonds, len(x), arrays)
+    return replace(lattice, masses=_scaled_masses(weights), notes=notes, **of_springs)
 
 
-def _spring_arrays(bonds: Long | None, n: int, **of_springs: Any) -> dict[str, Any]:
+def _spring_arrays(
+    bonds: Long | None, n: int, arrays: Mapping[str, Any]
+) -> dict[str, Any]:
     """Return the values (m,) of the user's `bonds` in the order of the lattice."""
-    arrays: dict[str, Any] = {}
-    for name, values in of_springs.items():
-        if values is None:
+    found: dict[str, Any] = {"stiffness": None}
+    for name in ("rest_lengths", "stiffness"):
+        if arrays.get(name) is None:
             continue
         if bonds is None:
             raise InputError(
                 f"{name} without springs: give `springs` too, in the same order"
             )
-        array = custom.column(values, len(bonds), name)
+        array = custom.column(arrays[name], len(bonds), name)
         custom.check_springs(name, array)
-        arrays[name] = array[np.argsort(pair_keys(bonds, n))]
-    arrays["stiffness"] = _stiffness_or_none(arrays.get("stiffness"))
-    return arrays
+        found[name] = array[np.argsort(pair_keys(bonds, n))]
+    found["stiffness"] = _stiffness_or_none(found["stiffness"])
+    return found
 
 
 def _stored(arrays: dict[str, Any], origin: str) -> Lattice:
     """Return the lattice of an npz file."""
-    max_offset = _MAX_OFFSET
-    points = arrays.get("unloaded")
-    if points is None:
-        points = np.atleast_1d(arrays["positions"])
-        n = points_of_disk(arrays, len(points))
-    else:
-        points = np.atleast_1d(points)
-        n = len(points)
-        origin = str(arrays["origin"])
-        max_offset = _MAX_STORED_OFFSET
-    rows = disk_rows(arrays, n)
-    lattice = _lattice_of(
-        points[:n],
-        rows.get("bonds"),
-        rows.get("triangles"),
-        rows.get("masses"),
-        max_offset,
-        rest_lengths=rows.get("rest_lengths"),
-        stiffness=rows.get("stiffness"),
-    )
-    return replace(lattice, origin=origin)
+    count = len(np.atleast_1d(arrays["positions"]))
+    n = points_of_disk(arrays, count)
+    if n < count:  # leave the elastic wall out
+        arrays |= disk_rows(arrays, n)
+    if "unloaded" not in arrays:
+        return replace(_lattice_of(arrays, _MAX_OFFSET), origin=origin)
+    arrays["positions"] = arrays["unloaded"]
+    lattice = _lattice_of(arrays, _MAX_STORED_OFFSET)
+    return replace(lattice, origin=str(arrays["origin"]))
 
 
 def disk_of(lattice: Lattice) -> Lattice:
@@ -467,13 +454,5 @@ def checked_disk(lattice: Lattice) -> Lattice:
     """Return the disk of a lattice that a user made, without its wall, in the form that
     kernels need. Raises InputError as `Lattice.from_points` does."""
     disk = disk_of(lattice)
-    checked = _lattice_of(
-        disk.positions,
-        disk.bonds,
-        disk.triangles,
-        disk.masses,
-        _MAX_STORED_OFFSET,
-        rest_lengths=disk.rest_lengths,
-        stiffness=disk.stiffness,
-    )
+    checked = _lattice_of(vars(disk), _MAX_STORED_OFFSET)
     return replace(checked, origin=disk.origin, notes=disk.notes)

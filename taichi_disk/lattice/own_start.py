@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -36,11 +35,17 @@ class OwnStart(NamedTuple):
     @property
     def digest(self) -> str:
         """SHA-256 of all arrays that a run reads; "" if there are none."""
-        arrays = {}
+        arrays = {"velocities": self.velocities}
         if self.disk is not None:
-            arrays = {name: getattr(self.disk, name) for name in _ARRAYS}
-        arrays["velocities"] = self.velocities
-        return digest_of(arrays)
+            arrays = {name: getattr(self.disk, name) for name in _ARRAYS} | arrays
+        digest = hashlib.sha256()
+        present = {name: one for name, one in arrays.items() if one is not None}
+        for name, array in present.items():
+            digest.update(f"{name} {array.dtype.str} {array.shape}\n".encode())
+            digest.update(array.tobytes())
+        if not present:
+            return ""
+        return digest.hexdigest()
 
     def repeating(self, scene: Any) -> Any:
         """Return `scene` with the keys that read this initial state from lattice.npz in
@@ -51,19 +56,6 @@ class OwnStart(NamedTuple):
         if self.velocities is not None:
             files["velocities"] = "lattice.npz"
         return replace(scene, lattice=replace(scene.lattice, **files))
-
-
-def digest_of(arrays: Mapping[str, Array | None]) -> str:
-    """Return the SHA-256 of the names, forms and numbers of those arrays that are not
-    None, or "" if there are none."""
-    digest = hashlib.sha256()
-    present = {name: array for name, array in arrays.items() if array is not None}
-    for name, array in present.items():
-        digest.update(f"{name} {array.dtype.str} {array.shape}\n".encode())
-        digest.update(array.tobytes())
-    if not present:
-        return ""
-    return digest.hexdigest()
 
 
 def own_start(section: Any, lattice: Lattice | None, velocities: Any) -> OwnStart:

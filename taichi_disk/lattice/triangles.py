@@ -66,29 +66,22 @@ def centred(x: Array) -> Array:
 def compact_triangles(x: Array) -> Long:
     """Return the Delaunay triangles (t, 3) of bare points (n, 2) whose circumcircles
     are at most _MAX_CIRCLE median springs wide, and the narrowest triangle of every
-    other point."""
+    other point unless one of its sides is longer."""
     # Sorted, so that the numbering of the points does not choose diagonals of squares.
     order = np.lexsort(x.T)
     triangles = order[delaunay(centred(x[order]))]
     side, first, _ = distinct_sides(triangles, len(x))
     length = bond_lengths(x, side)
-    median = float(np.median(length[first]))
+    widest = _MAX_CIRCLE * float(np.median(length[first]))
     # The diameter of the circumcircle is the product of the sides over twice the area.
     sides = length.reshape(3, -1)
     diameter = sides.prod(axis=0) / double_area(x[triangles])
     narrowest = np.full(len(x), np.inf)
     np.minimum.at(narrowest, triangles, diameter[:, None])
-    limit = np.maximum(narrowest, _MAX_CIRCLE * median)
+    limit = np.maximum(narrowest, widest)
     is_compact = diameter <= limit[triangles].max(axis=1)
-    longest = sides.max(axis=0) * is_compact
-    k = int(longest.argmax())
-    if longest[k] > _MAX_CIRCLE * median:
-        raise InputError(
-            f"a spring of {longest[k]:.3g} R at {shown_point(x[triangles[k, 0]])} would"
-            f" cross a gap (the median spring is {median:.3g} R long): fill the gap"
-            " with points, or give `triangles`"
-        )
-    return triangles[is_compact]
+    is_short = sides.max(axis=0) <= widest
+    return triangles[is_compact & is_short]
 
 
 def enclosed_triangles(x: Array, springs: Long) -> Long:
@@ -183,26 +176,6 @@ def chains(sides: Long) -> list[Long]:
 
 def unusable(fault: str) -> SimulationError:
     return SimulationError(f"the triangulation {fault}: choose another lattice seed")
-
-
-def why_not_one_piece(x: Array, triangles: Long) -> str:
-    """Return why counter-clockwise `triangles` (t, 3) of the points `x` (n, 2) do not
-    form a body, with the place, and what to do."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    n = len(x)
-    side, _, _ = distinct_sides(triangles, n)
-    start, end = side.T
-    graph = coo_matrix((np.ones(len(side)), (start, end)), shape=(n, n))
-    pieces, piece = connected_components(graph, directed=False)
-    if pieces > 1:
-        apart = int(np.argmax(piece != piece[0]))
-        return (
-            f"no triangles lead from point 0 at {shown_point(x[0])} to point {apart} at"
-            f" {shown_point(x[apart])}: join its {pieces} pieces by triangles"
-        )
-    return "parts of it share only single points: join them by triangles"
 
 
 def numbering(triangles: Long, x: Array) -> Long:

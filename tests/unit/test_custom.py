@@ -133,7 +133,7 @@ RING = ROUND[np.hypot(*ROUND.T) > 0.6]
         ((np.linspace(-1, 1, 9)[:, None] * [1, 0.5],), "one line"),
         (
             (np.concatenate([0.2 * ROUND - [0.8, 0], 0.2 * ROUND + [0.8, 0]]),),
-            "no triangles lead from point 0",
+            "do not form one connected piece",
         ),
         ((GRID, CROSSED + 0.5), "whole numbers"),
         ((GRID, CROSSED + 1), "of 0 to 80"),
@@ -426,7 +426,7 @@ def test_a_file_s_number_of_points_is_one_it_has(tmp_path, number):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"points": RIM}, "would cross a gap"),
+        ({"points": RIM}, "is no corner of a triangle"),
         ({"points": GRID, "triangles": np.empty((0, 3), int)}, "no triangles"),
         ({"points": GRID, "triangles": [[0, 0, 0]]}, "triangle 0, [0, 0, 0], is flat"),
         (

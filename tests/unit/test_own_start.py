@@ -10,7 +10,7 @@ from taichi_disk import runtime
 from taichi_disk.errors import InputError
 from taichi_disk.integrators import INTEGRATORS
 from taichi_disk.lattice import Lattice, read_lattice
-from taichi_disk.lattice.own_start import OwnStart, digest_of, own_start
+from taichi_disk.lattice.own_start import OwnStart, own_start
 from taichi_disk.physics import Model, Springs
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import Simulation
@@ -86,20 +86,10 @@ def test_stored_triangles_are_turned_counter_clockwise(tmp_path):
         ({"unloaded": np.array("a")}, "array of real numbers"),
         (
             {"bonds": DISK.bonds.ravel()},
-            "bonds has the shape (308,), which does not fit",
+            "springs must be whole numbers of shape (any, 2)",
         ),
-        (
-            {"bonds": DISK.bonds[:50], "rest_lengths": DISK.rest_lengths[:50]},
-            "stiffness has the shape (154,), which does not fit bonds",
-        ),
-        (
-            {
-                "bonds": DISK.bonds[:50],
-                "rest_lengths": DISK.rest_lengths[:50],
-                "stiffness": None,
-            },
-            "has a side that is no spring",
-        ),
+        ({"bonds": DISK.bonds[:50]}, "has a side that is no spring"),
+        ({"stiffness": DISK.stiffness[:50]}, "must have the shape (154,), not (50,)"),
         ({"rest_lengths": 1e4 * DISK.rest_lengths}, "rest_lengths[0]"),
         ({"stiffness": 1e20 * DISK.stiffness}, "stiffness[0]"),
         ({"masses": changed(DISK.masses, 5, 1e-300)}, "masses[5] is 1e-300"),
@@ -150,17 +140,6 @@ def test_the_digest_covers_every_array_that_is_read():
         digests.add(OwnStart(Lattice(**{**arrays, name: array})).digest)
     assert len(digests) == 2 + len(others)
     assert OwnStart().digest == ""
-
-
-def test_the_digest_tells_arrays_of_the_same_bytes_apart():
-    zeros = np.zeros(4)
-    digests = {
-        digest_of({"a": zeros}),
-        digest_of({"b": zeros}),
-        digest_of({"a": zeros.reshape(2, 2)}),
-        digest_of({"a": zeros.view(np.int64)}),
-    }
-    assert len(digests) == 4
 
 
 def test_fields_are_never_written_beyond_their_ends():
