@@ -140,22 +140,6 @@ RING = ROUND[np.hypot(*ROUND.T) > 0.6]
         ((GRID, CROSSED * 0), "joins [0, 0]"),
         ((GRID, np.append(CROSSED, CROSSED[:1, ::-1], axis=0)), "joined already"),
         ((GRID, NEAREST), "point 0 at (-1, -1) is no corner"),
-        (
-            (GRID, CROSSED[(CROSSED != 0).all(axis=1)]),
-            "point 0 at (-1, -1) is no corner",
-        ),
-        (
-            (
-                GRID,
-                np.concatenate(
-                    [
-                        CROSSED[(GRID[CROSSED] * s >= 0).all(axis=(1, 2))]
-                        for s in (1, -1)
-                    ]
-                ),
-            ),
-            "is no corner",
-        ),
         ((GRID, SLANTED, np.ones(3)), "shape"),
         ((GRID, SLANTED, np.zeros(len(SLANTED))), "rest_lengths[0] is 0"),
         ((GRID, None, np.ones(3)), "rest_lengths without springs"),
@@ -197,9 +181,7 @@ def test_the_disk_of_a_runs_lattice_is_read_from_npz(tmp_path):
     [
         ("none.csv", None, "No such file"),
         ("a.yaml", b"0,0", "meshio cannot read this file"),
-        ("a.csv", b"x,y\n", "has no points"),
         ("a.csv", b"x,y\n0,0\n1,2,3\n", "line 3 has 3 columns"),
-        ("a.csv", b"x,y\n0,0\n1,b\n", "line 3 has something else than numbers (1 | b)"),
         ("a.csv", b"0,0\n\xfc", ":2: not UTF-8 text (byte 0xfc): save it as UTF-8"),
         ("a.npz", b"PK", "not a zip file"),
     ],
@@ -241,17 +223,10 @@ DISK = disk_lattice(50)
     ("name", "value", "message"),
     [
         ("positions", changed(DISK.positions, (7, 1), np.nan), "point 7 is not finite"),
-        ("positions", DISK.positions[:9], "must join 2 points of 0 to 8"),
         ("bonds", changed(DISK.bonds, (-1, 1), 50), "must join 2 points of 0 to 49"),
-        ("bonds", changed(DISK.bonds, (3, 0), -1), "must join 2 points of 0 to 49"),
-        ("bonds", DISK.bonds.ravel(), "whole numbers of shape (any, 2)"),
         ("bonds", DISK.bonds[:-1], "has a side that is no spring"),
         ("rest_lengths", changed(DISK.rest_lengths, 0, 0.0), "rest_lengths[0] is 0"),
-        ("rest_lengths", changed(DISK.rest_lengths, 0, np.inf), "rest_lengths[0] is"),
-        ("stiffness", np.ones(3), "stiffness must have the shape"),
         ("masses", -DISK.masses, "must add up to 1 M, not -1"),
-        ("disk_points", 0, "must add up to 1 M, not 0"),
-        ("triangles", DISK.triangles[:, :2], "whole numbers of shape (any, 3)"),
         ("triangles", DISK.triangles + np.int32(49), "must join 3 points of 0 to 49"),
     ],
 )
@@ -284,10 +259,6 @@ def test_a_lattice_may_list_its_springs_in_any_order():
     shuffled = np.random.default_rng(0).permutation(len(rest))
     given = replace(DISK, bonds=DISK.bonds[shuffled], rest_lengths=rest[shuffled])
     assert own_start(section, given, None).digest == OwnStart(expected).digest
-
-
-def test_a_disk_needs_no_seed():
-    assert (Lattice.disk(60).positions == Lattice.disk(60, seed=0).positions).all()
 
 
 def test_a_wide_hole_stays_open_and_a_notch_is_what_the_springs_leave():

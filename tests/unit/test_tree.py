@@ -44,188 +44,51 @@ def faults(path: Path, text: str | bytes, *overrides: str) -> list[str]:
     return [line.strip().removeprefix(f"{path}:").strip() for line in rest or [first]]
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        # The nearest name is searched in the section, and in other sections only if
-        # they have exactly this key.
-        (
-            "lattice:\n  pionts: 9\n",
-            "3:3: lattice.pionts: unknown key; did you mean points?",
-        ),
-        ("wall:\n  v0: 3\n", "3:3: wall.v0: unknown key; did you mean V0?"),
-        (
-            "velocity: 0.1\n",
-            "2:1: velocity: unknown key; did you mean impact.velocity?",
-        ),
-        (
-            "impact: {eta_star: 3}\n",
-            "2:10: impact.eta_star: unknown key; did you mean material.eta_star?",
-        ),
-        (
-            "material:\n  eta_star: 3\n  viscosity: 0.01\n",
-            "4:14: material.viscosity: 0.01 and material.eta_star = 3 both "
-            "set the dashpots: write auto, or leave "
-            "material.eta_star at its default, 10",
-        ),
-        (
-            "impact: {slant: 3}\n",
-            (
-                "2:10: impact.slant: unknown key; impact has velocity, angle, "
-                "spin, turn, gap, max_time"
-            ),
-        ),
-        (
-            "impact: {angle: 90}\n",
-            (
-                "2:17: impact.angle: must be a number from -1.5 to 1.5 [rad], "
-                "not 90 (angle of incidence from the normal, positive to the "
-                "right)"
-            ),
-        ),
-        (
-            "wall: {friction: -0.1}\n",
-            (
-                "2:18: wall.friction: must be a number from 0 to 10, not -0.1 "
-                "(Coulomb friction coefficient between wall and mass points)"
-            ),
-        ),
-        (
-            "impact: {offset: 1}\n",
-            (
-                "2:10: impact.offset: belongs to scene: absorbing_wall, not to "
-                "scene: exponential_wall"
-            ),
-        ),
-        (
-            "wall: {friction: 0.1}\ntime: {integrator: trapezoidal}\n",
-            (
-                "3:20: time.integrator: trapezoidal has only order 1 with "
-                "friction: write auto or velocity_verlet"
-            ),
-        ),
-        (
-            (
-                "wall: {friction: 0.1}\nmaterial: {eta_star: 0}\ntime: "
-                "{integrator: takahashi_imada}\n"
-            ),
-            (
-                "4:20: time.integrator: takahashi_imada cannot integrate "
-                "velocity-dependent forces (wall.friction = 0.1): write auto or "
-                "velocity_verlet"
-            ),
-        ),
-        (
-            "wall: {points: 4}\n",
-            (
-                "2:8: wall.points: belongs to scene: absorbing_wall, not to "
-                "scene: exponential_wall"
-            ),
-        ),
-        ("lattice: {points: -5}\n", "2:19: " + POINTS.format("-5")),
-        (
-            "lattice: {rim: yes}\n",
-            (
-                "2:16: lattice.rim: must be true or false, not yes (evenly "
-                "spaced points on the circle; false: random points only)"
-            ),
-        ),
-        (
-            "lattice: {file: 3}\n",
-            (
-                "2:17: lattice.file: must be none or the name of a file, not 3 "
-                "(table, .npz file or mesh with custom points instead of random "
-                "ones; relative to the scene file)"
-            ),
-        ),
-        ("material:\n  k_a: .nan\n", "3:8: " + K_A.format(".nan")),
-        ("material:\n  k_a:\n", "3:7: " + K_A.format("nothing")),
-        # The bounds in the message are the bounds that are checked: 1e-308 is above 0,
-        # but is not a valid gap.
-        (
-            "time: {safety: 1e-308}\n",
-            (
-                "2:16: time.safety: must be a number from 1e-6 to 1, not 1e-308 "
-                "(fraction of the largest stable step)"
-            ),
-        ),
-        (
-            "time: {dt: 0}\n",
-            (
-                "2:12: time.dt: must be auto or a number from 1e-9 to 1000 "
-                "[R/c], not 0 (time step; auto: safety times the largest stable "
-                "step)"
-            ),
-        ),
-        ("impact:\n", "2:8: impact: an empty section: give it a key, or leave it out"),
-        ("impact: [velocity]\n", f"2:9: impact: {SECTION} a list"),
-        (
-            "video: {fps: 30, size: 100, fps: 40}\n",
-            "2:29: video.fps: is given twice, first in line 2",
-        ),
-        ("video: {? [a] : 3}\n", "2:11: video: a key must be a name, not a list"),
-        ('"\\ud800": 3\n', '2:1: a key must be a name, not the text "\\ud800"'),
-        (
-            "video: {fps: !!python/object/apply:os.abort []}\n",
-            (
-                "2:14: video.fps: an empty list cannot be read as "
-                "python/object/apply:os.abort"
-            ),
-        ),
-        (
-            "lattice: {hole: 1.2}\n",
-            (
-                "2:17: lattice.hole: must be a number from 0 to 0.95 [R], not "
-                "1.2 (radius of a concentric hole; 0: none)"
-            ),
-        ),
-        (
-            "lattice: {hole: 0.94}\n",
-            (
-                "2:17: lattice.hole: must be 0 or from 0.0216 to 0.932 with 1099 "
-                "points, not 0.94, because there must be at least 6 springs "
-                "round its edge and 3 from there to the rim: change the radius "
-                "or increase lattice.points"
-            ),
-        ),
-        (
-            "lattice:\n  core_radius: 0.3\n  hole: 0.4\n",
-            (
-                "3:16: lattice.core_radius: must be 0 or from 0.455 to 0.945 "
-                "with 1099 points and a hole of 0.4 R, not 0.3, because there "
-                "must be at least 6 springs round its edge and 1 from there to "
-                "the rim: change the radius or increase lattice.points"
-            ),
-        ),
-        (
-            "lattice: {core_density: 2}\n",
-            (
-                "2:25: lattice.core_density: there is no core: write "
-                "lattice.core_radius, too, or leave this out"
-            ),
-        ),
-        (
-            "lattice: {core_radius: 0.5, core_density: 0}\n",
-            (
-                "2:43: lattice.core_density: must be a number from 0.001 to "
-                "1000, not 0 (density of the core relative to the rest; the disk "
-                "has 1 M)"
-            ),
-        ),
-        (
-            "impact: {gap: 0.06}\n",
-            (
-                "2:15: impact.gap: at 0.06 R the wall potential exceeds 1e-3 of "
-                "the kinetic energy, so that e would be wrong: write at least "
-                "0.06819 R, or auto"
-            ),
-        ),
-    ],
-)
-def test_a_single_fault_is_one_line_with_its_place(
-    path: Path, text: str, expected: str
-) -> None:
-    assert faults(path, IMPACT + text) == [expected]
+FAULTS = {
+    # The nearest name is searched in the section, and in other sections only if they
+    # have exactly this key.
+    "lattice: {pionts: 9}": "2:11: lattice.pionts: unknown key; did you mean points?",
+    "wall: {v0: 3}": "2:8: wall.v0: unknown key; did you mean V0?",
+    "velocity: 1": "2:1: velocity: unknown key; did you mean impact.velocity?",
+    "impact: {eta_star: 3}": "2:10: impact.eta_star: unknown key; did you mean",
+    "impact: {slant: 3}": "2:10: impact.slant: unknown key; impact has velocity, angle",
+    "impact: {offset: 1}": "2:10: impact.offset: belongs to scene: absorbing_wall, not",
+    "impact: {angle: 90}": "2:17: impact.angle: must be a number from -1.5 to 1.5",
+    "lattice: {points: -5}": "2:19: " + POINTS.format("-5"),
+    "lattice: {rim: yes}": "2:16: lattice.rim: must be true or false, not yes (evenly",
+    "lattice: {file: 3}": "2:17: lattice.file: must be none or the name of a file, not",
+    "material:\n  k_a: .nan": "3:8: " + K_A.format(".nan"),
+    "material:\n  k_a:": "3:7: " + K_A.format("nothing"),
+    # The bounds in the message are the bounds that are checked.
+    "time: {safety: 1e-308}": "2:16: time.safety: must be a number from 1e-6 to 1, not",
+    "time: {dt: 0}": "2:12: time.dt: must be auto or a number from 1e-9 to 1000 [R/c],",
+    "impact:": "2:8: impact: an empty section: give it a key, or leave it out",
+    "impact: [velocity]": f"2:9: impact: {SECTION} a list",
+    "video: {fps: 30, fps: 40}": "2:18: video.fps: is given twice, first in line 2",
+    "video: {? [a] : 3}": "2:11: video: a key must be a name, not a list",
+    '"\\ud800": 3': '2:1: a key must be a name, not the text "\\ud800"',
+    "video: {fps: !!python/object/apply:os.abort []}": (
+        "2:14: video.fps: an empty list cannot be read as python/object/apply:os.abort"
+    ),
+    "wall: {friction: 0.1}\ntime: {integrator: trapezoidal}": (
+        "3:20: time.integrator: trapezoidal has only order 1 with friction: write auto"
+    ),
+    "lattice: {hole: 0.94}": (
+        "2:17: lattice.hole: must be 0 or from 0.0216 to 0.932 with 1099 points, not"
+    ),
+    "lattice: {core_density: 2}": (
+        "2:25: lattice.core_density: there is no core: write lattice.core_radius, too"
+    ),
+    "impact: {gap: 0.06}": (
+        "2:15: impact.gap: at 0.06 R the wall potential exceeds 1e-3 of the kinetic"
+    ),
+}
+
+
+@pytest.mark.parametrize("text", FAULTS)
+def test_a_single_fault_is_one_line_with_its_place(path: Path, text: str) -> None:
+    (fault,) = faults(path, f"{IMPACT}{text}\n")
+    assert fault.startswith(FAULTS[text])
 
 
 def test_all_faults_are_listed_together_in_the_order_of_the_file(path: Path) -> None:
@@ -274,90 +137,39 @@ OUT_OF_RANGE = (
 MISSING = f"scene: missing: write scene: {KINDS}"
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        (
-            "scene: exponental_wall\n",
-            [
-                (
-                    f"1:8: scene: must be {KINDS}, not exponental_wall; did you "
-                    f"mean exponential_wall?"
-                )
-            ],
-        ),
-        # The rest is checked for the kind of scene that was probably meant, if there is
-        # one.
-        (
-            "scene: absorbing\nwall: {pints: 1}\n",
-            [
-                (
-                    f"1:8: scene: must be {KINDS}, not absorbing; did you mean "
-                    f"absorbing_wall?"
-                ),
-                "2:8: wall.pints: unknown key; did you mean points?",
-            ],
-        ),
-        ("wall: {points: 1}\n", [MISSING]),
-    ],
-)
 def test_the_rest_is_checked_too_for_the_kind_of_scene_that_was_probably_meant(
-    path: Path, text: str, expected: list[str]
+    path: Path,
 ) -> None:
-    assert faults(path, text) == expected
+    kind = f"1:8: scene: must be {KINDS}, not absorbing; did you mean absorbing_wall?"
+    pints = "2:8: wall.pints: unknown key; did you mean points?"
+    assert faults(path, "scene: absorbing\nwall: {pints: 1}\n") == [kind, pints]
+    assert faults(path, "wall: {points: 1}\n") == [MISSING]
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        (
-            b"",
-            "holds no keys: a scene needs at least the line `scene: exponential_wall`",
-        ),
-        (
-            b"- a\n- b\n",
-            (
-                "1:1: a scene consists of lines `key: value` (with a space after "
-                "the colon), not a list"
-            ),
-        ),
-        (b"\x89PNG\r\n\x1a\n\0\0", "1: not UTF-8 text (byte 0x89): save it as UTF-8"),
-        (
-            b"scene: compression\n# \0",
-            "2:3: the character 0x0 is not allowed in YAML: remove it",
-        ),
-        (
-            b"scene: compression\n# \xfcber\n",
-            "2: not UTF-8 text (byte 0xfc): save it as UTF-8",
-        ),
-        (
-            b"lattice:\n\tpoints: 3\n",
-            (
-                "2:1: not readable as YAML: found character '\\t' that cannot "
-                "start any token (YAML allows no tabs for indentation: use spaces)"
-            ),
-        ),
-        (
-            b"wall: &x {a: 2}\nvideo: *x\n",
-            (
-                "2:8: not readable as YAML: aliases (*) are not supported: write "
-                "the value out"
-            ),
-        ),
-        (
-            b"scene: compression\n---\nscene: compression\n",
-            "2:1: not readable as YAML: but found another",
-        ),
-        (b'scene: "\\UFFFFFFFF"\n', OUT_OF_RANGE),
-        (b"a: " + b"[" * 5000, OUT_OF_RANGE),
-        (b"a: " + b"9" * 5000, OUT_OF_RANGE),
-    ],
-)
-def test_a_text_that_is_no_scene_gives_one_clear_line(
-    path: Path, text: bytes, expected: str
-) -> None:
+NO_SCENES = {
+    b"": "holds no keys: a scene needs at least the line `scene: exponential_wall`",
+    b"- a\n- b\n": "1:1: a scene consists of lines `key: value` (with a space after",
+    b"\x89PNG\r\n\x1a\n\0\0": "1: not UTF-8 text (byte 0x89): save it as UTF-8",
+    b"scene: x\n# \0": "2:3: the character 0x0 is not allowed in YAML: remove it",
+    b"scene: x\n# \xfcber\n": "2: not UTF-8 text (byte 0xfc): save it as UTF-8",
+    b"lattice:\n\tpoints: 3\n": (
+        "2:1: not readable as YAML: found character '\\t' that cannot start any token"
+        " (YAML allows no tabs for indentation: use spaces)"
+    ),
+    b"wall: &x {a: 2}\nvideo: *x\n": (
+        "2:8: not readable as YAML: aliases (*) are not supported: write the value out"
+    ),
+    b"scene: x\n---\nscene: x\n": "2:1: not readable as YAML: but found another",
+    b'scene: "\\UFFFFFFFF"\n': OUT_OF_RANGE,
+    b"a: " + b"[" * 5000: OUT_OF_RANGE,
+    b"a: " + b"9" * 5000: OUT_OF_RANGE,
+}
+
+
+@pytest.mark.parametrize("text", NO_SCENES, ids=range(len(NO_SCENES)))
+def test_a_text_that_is_no_scene_gives_one_clear_line(path: Path, text: bytes) -> None:
     (fault,) = faults(path, text)
-    assert fault.startswith(expected)
+    assert fault.startswith(NO_SCENES[text])
 
 
 # YAML 1.2's core schema; PyYAML by itself reads 1e-3 as a string and 010 as eight.
