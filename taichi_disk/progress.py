@@ -147,7 +147,7 @@ class _Bars:
             # The time of a simulation is a float; equilibria, lattices, scenes and
             # pictures are counted.
             note = ""
-            if isinstance(total, float):
+            if stage == "simulate" and isinstance(total, float):
                 note = "to the time limit"
             bars.add_task(stage, total=total, note=note)
         bars.update(bars.task_ids[-1], completed=done, total=total)

@@ -21,12 +21,13 @@ from taichi_disk.computation.diagnostics import (
     inverted_triangles,
     relative_imbalance,
 )
-from taichi_disk.computation.driver import Driver
+from taichi_disk.computation.driver import Driver, Status
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.stability import TimeStep
 from taichi_disk.computation.step_control import fitted
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array
+from taichi_disk.progress import Progress, silent
 from taichi_disk.simulation.observables import Columns, split
 
 # The constants were measured on scenes with a known result: `python -m
@@ -92,9 +93,17 @@ def richardson(dt: float, runs: list[tuple[float, float]], order: int) -> float:
     return max(errors)
 
 
-def second_run(driver: Driver) -> SecondRun:
+def second_run(driver: Driver, progress: Progress = silent) -> SecondRun:
     """Run the finished scene of `driver` again with another step and, if errors fall
     irregularly, with a third. Raises SimulationError if there is no result then."""
+
+    def complete(other: Driver) -> Status:
+        status: Status = "running"
+        while status == "running":
+            progress("estimate", other.simulation.time, driver.final.t)
+            status = other.advance(seconds=0.1)
+        return status
+
     # Irregular errors may agree by chance, hence three runs. On the hardest walls the
     # error also stays at a plateau, which differences do not show: the estimate is at
     # least a fraction of the worst imbalance.
@@ -104,9 +113,9 @@ def second_run(driver: Driver) -> SecondRun:
         other = _with_step(driver, dt)
         if not others:
             inverted = _most_inverted(other, contact_states(other, driver.columns))
-        if other.advance() == "failed" and dt > driver.step.dt:
+        if complete(other) == "failed" and dt > driver.step.dt:
             other = _with_step(driver, driver.step.dt / STEP_RATIO)
-            other.advance()
+            complete(other)
         _require_result(driver, other)
         others.append(other)
     order = _order(driver)

@@ -92,7 +92,7 @@ def compute(
     second = None
     if scenario.scene.time.tolerance != "none" and scenario.step_dependent:
         driver, second = within_tolerance(driver, runs.finished)
-    return _described(driver, second, estimate, runs.attempts)
+    return _described(driver, second, estimate, runs)
 
 
 class Runs:
@@ -122,7 +122,7 @@ class Runs:
 
 
 def _described(
-    driver: Driver, second: SecondRun | None, estimate: bool, attempts: int
+    driver: Driver, second: SecondRun | None, estimate: bool, runs: Runs
 ) -> Outcome:
     scenario = driver.scenario
     step = driver.step
@@ -154,7 +154,7 @@ def _described(
             compressed = next(driver.replay(np.array([greatest_compression(columns)])))
             inverted = inverted_triangles(scenario.lattice, compressed.positions)
     elif second or small:
-        errors, inverted = second or second_run(driver)
+        errors, inverted = second or second_run(driver, runs.progress)
     is_uncertain = errors.get(primary, 0.0) > SUSPICIOUS_ERROR * abs(value)
     if is_uncertain and scenario.step_dependent:
         warnings.append(uncertain(primary, value, errors[primary]))
@@ -162,7 +162,7 @@ def _described(
         "steps": end.step,
         "dt": step.dt,
         "dt_limit": limit,
-        "attempts": attempts,
+        "attempts": runs.attempts,
         "integrator": step.integrator.name,
         "error_estimate": errors,
         "error_source": "time step" if scenario.step_dependent else "end of the run",

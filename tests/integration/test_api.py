@@ -406,10 +406,15 @@ def test_a_progress_callback_receives_every_stage_from_its_beginning(scene, tmp_
         lattices=2,
     )
     assert calls.pop() == ("lattices", 0, 1)
-    assert {stage for stage, _, _ in calls} == {"simulate"}
+    stages = ["simulate", "estimate"]
+    if "compression.method" in keys:
+        stages = ["simulate"]  # an equilibrium has no time step
+    assert list(dict.fromkeys(stage for stage, _, _ in calls)) == stages
     assert calls[0][1] == 0
-    assert [now for _, now, _ in calls] == sorted(now for _, now, _ in calls)
-    assert calls[-1][1] <= calls[-1][2]
+    for name in stages:
+        times = [now for stage, now, _ in calls if stage == name]
+        assert times == sorted(times)
+        assert times[-1] <= calls[-1][2]
     calls.clear()
     Result.load(tmp_path / "o", progress=lambda *what: calls.append(what))
     assert calls[0] == ("simulate", 0, calls[0][2])
