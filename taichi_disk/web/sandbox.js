@@ -273,8 +273,8 @@ export class Sandbox {
   }
 
   // Take further results of the class.
-  showBoard({ from, rows }) {
-    this.board = [...this.board.slice(0, from), ...rows];
+  showBoard({ first, rows }) {
+    this.board = [...this.board.slice(0, first), ...rows];
     if (this.panel) this.showResults();
   }
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import os
 import re
 import sys
@@ -20,7 +19,6 @@ from taichi_disk.window.server import serve
 
 # part of a file in which a sweep is looked for [bytes]
 _START = 2**20
-_TABLE_LIMIT = 2**28  # largest table of a sweep: 500,000 points [bytes]
 
 
 def view(
@@ -72,41 +70,25 @@ def list_presets(first: Scene | None) -> list[Preset]:
 
 
 def list_folder(path: Path) -> list[Preset]:
-    """Return the scenes of a folder: the points of a sweep in their order, or else
-    every scene in a YAML file.
+    """Return the scenes in the YAML files of a folder, in the order of their names.
 
-    Raises InputError if there is no scene, or if points.csv is no table.
+    Raises InputError if there is no scene.
     """
-    scenes = [file for file in _files(path) if _is_scene(file)]
+    scenes = [file for file in sorted(path.glob("[!.]*.yaml")) if _is_scene(file)]
     if not scenes:
         raise InputError(
-            f"{path}: there is no scene in this folder (*.yaml, or points.csv with"
-            " points/*.yaml)"
+            f"{path}: there is no scene in this folder (*.yaml); those of a sweep stand"
+            " in its folder points"
         )
     return [
         Preset(one.stem, f"From {path}.", partial(load_scene, one)) for one in scenes
     ]
 
 
-def _files(folder: Path) -> list[Path]:
-    """Return the files that may be listed: those of a sweep's points, or all of the
-    folder."""
-    table = folder / "points.csv"
-    if not table.is_file():
-        return sorted(folder.glob("[!.]*.yaml"))
-    try:
-        rows = list(csv.DictReader(read_text(table, limit=_TABLE_LIMIT).splitlines()))
-    except (OSError, csv.Error) as error:
-        raise InputError(f"{table}: is not the table of a sweep: {error}") from None
-    return [folder / "points" / f"{row.get('key')}.yaml" for row in rows]
-
-
 def _is_scene(path: Path) -> bool:
     """Whether a file is listed: it can be opened and is no sweep. If it is no scene,
     its message appears when it is chosen."""
     try:
-        if not path.is_file():
-            return False
         with path.open("rb") as file:
             start = file.read(_START)
     except OSError:

@@ -69,26 +69,22 @@ class Page:
         """Note that the page has drawn the state with this number."""
         self._in_flight = [one for one in self._in_flight if one > number]
 
-    def answer(self) -> None:
-        """Tell the page, which has heard nothing for a while, that it is connected."""
-        self._send(json.dumps({"kind": "alive"}))
-
-    def give_film(self, page: str) -> None:
-        """Send a film to play with, an HTML page."""
-        self._send(json.dumps({"kind": "film", "page": page}))
+    def tell(self, kind: str, **content: Any) -> None:
+        """Send a message that is told once."""
+        self._send(json.dumps({"kind": kind} | content))
 
     def show(self, board: list[dict[str, Any]]) -> bool:
         """Send what the page does not have yet: messages of its session, the state as
         the last one, and rows of the class's board; return whether there was any."""
         session = self.seat.session
         own = {
+            "kind": "session",
             "key": self.seat.key,
             "disk": session.disk,
             "name": session.name,
             "awaitsFilm": self.film is not None,
         }
-        text = json.dumps({"kind": "session"} | own)
-        messages: dict[str, Message] = {"session": text, **session.messages}
+        messages: dict[str, Message] = {"session": json.dumps(own), **session.messages}
         news = {
             kind: message
             for kind, message in messages.items()
@@ -101,9 +97,8 @@ class Page:
             self._send(message)
         rows = board[self._on_board :]
         if rows:
-            begin = {"kind": "board", "from": self._on_board}
+            self.tell("board", first=self._on_board, rows=rows)
             self._on_board = len(board)
-            self._send(json.dumps(begin | {"rows": rows}))
         return bool(news or rows)
 
 
@@ -263,7 +258,7 @@ class Audience:
         elif message["do"] == "seen":
             page.acknowledge(message["number"])
         elif message["do"] == "alive":
-            page.answer()
+            page.tell("alive")  # it has heard nothing for a while
         elif message["do"] == "film":
             page.film = page.film or asyncio.create_task(self._film_for(page))
         else:
@@ -282,7 +277,7 @@ class Audience:
         try:
             async with self._film_maker:
                 film = await make_film(scene)
-            page.give_film(film)
+            page.tell("film", page=film)
         except Exception as error:
             # a page that has left cancels its film, which may end in another error
             if page in page.seat.pages:

@@ -68,8 +68,6 @@ class Segment(Driver):
             begin again with a shorter step.
         began: time at which the segment began [R/c].
         hit_began: time at which the last start or further hit began [R/c].
-        reference_energy: kinetic energy at the start, or about the work of the load [M
-            c^2].
     """
 
     def __init__(
@@ -86,7 +84,6 @@ class Segment(Driver):
         self.label = label
         self.began = began
         self.hit_began = hit_began
-        self.reference_energy = self.scenario.reference_energy
         self._mouse: tuple[int, tuple[float, float]] | None = None
         self._hold()
 
@@ -135,12 +132,6 @@ class Segment(Driver):
     def present(self) -> Checkpoint:
         """The last valid state."""
         return Checkpoint(self, self.now, self.row, self.state)
-
-    @property
-    def imbalance(self) -> float:
-        """Error of the energy balance since the segment began, relative to
-        `reference_energy`."""
-        return float(self.balance.imbalance(self.row[None])[0]) / self.reference_energy
 
     def begun_again(self) -> Segment | None:
         """Return this segment at its start with a shorter step, if the step was too

@@ -235,11 +235,6 @@ class Sandbox:
         return [*lattice.notes, *self.scene.notes(lattice.disk_points)]
 
     @property
-    def pace(self) -> float:
-        """Simulated time per second of the clock now [R/c per s]."""
-        return self._pace_at(self._slowing)
-
-    @property
     def _slowing(self) -> float:
         """Factor of the speed now: in slow motion a contact has a smaller one."""
         scenario: Any = self.time.segment.scenario
@@ -250,19 +245,14 @@ class Sandbox:
         force = self.time.segment.row[INDEX["wall_force"]]
         return SLOWDOWN if force > contact else 1.0
 
-    def _pace_at(self, slowing: float) -> float:
-        if self.remaining_loads:
-            return COLLECTING_PACE
-        return self.speed * slowing
-
     # ---- time
 
-    def tick(self, max_seconds: float = MAX_COMPUTING_TIME) -> int:
+    def tick(self, max_seconds: float) -> None:
         """Let the time since the last tick pass, at most MAX_PASSED, and compute for
-        about `max_seconds`; return the number of steps made."""
+        about `max_seconds`."""
         before = self._clock
         self._clock = perf_counter()
-        return self.advance(min(self._clock - before, MAX_PASSED), max_seconds)
+        self.advance(min(self._clock - before, MAX_PASSED), max_seconds)
 
     def advance(self, seconds: float, max_seconds: float = MAX_COMPUTING_TIME) -> int:
         """Let `seconds` of the clock pass and return the number of steps made.
@@ -288,7 +278,9 @@ class Sandbox:
         smoothly."""
         late = exp(-seconds / PACE_TIME)
         self._slowed += (1.0 - late) * (self._slowing - self._slowed)
-        return self._pace_at(self._slowed)
+        if self.remaining_loads:
+            return COLLECTING_PACE
+        return self.speed * self._slowed
 
     def _go(self, steps: int, max_seconds: float) -> int:
         """Make steps and report the end of the scene, a failure or a shorter step."""

@@ -1,4 +1,4 @@
-"""The list of scenes: that of the program, a folder, a sweep."""
+"""The list of scenes: that of a folder."""
 
 from __future__ import annotations
 
@@ -9,21 +9,27 @@ import pytest
 from taichi_disk.errors import InputError
 from taichi_disk.window.app import list_folder
 
+SCENE = "scene: exponential_wall\nlattice: {points: 60}\n"
 
-@pytest.mark.parametrize(
-    "table", [b"key\n\xff\xfe\n", b"key\n" + b"x" * 140_000 + b"\n"]
-)
-def test_a_table_that_cannot_be_read_is_named(tmp_path: Path, table: bytes) -> None:
-    (tmp_path / "points.csv").write_bytes(table)
-    with pytest.raises(InputError, match=r"points\.csv"):
+
+def test_the_scenes_of_a_folder_are_listed_by_their_names(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no scene in this folder"):
         list_folder(tmp_path)
+    (tmp_path / "b.yaml").write_text("scene: compression\n")
+    (tmp_path / "a.yaml").write_text(SCENE + "impact: {velocity: 0.02}\n")
+    # no single scene
+    (tmp_path / "figure.yaml").write_text("scene: compression\nsweep: {axes: {}}\n")
+    (tmp_path / ".#a.yaml").symlink_to("nowhere")  # an editor's lock
+    (tmp_path / "c.yaml").mkdir()
+    entries = list_folder(tmp_path)
+    assert [one.name for one in entries] == ["a", "b"]
+    assert entries[0].load().impact.velocity == 0.02  # type: ignore[union-attr]
 
 
 def test_a_huge_file_is_listed_and_refused_when_it_is_chosen(tmp_path: Path) -> None:
-    text = "scene: exponential_wall\nlattice: {points: 60}\n"
-    (tmp_path / "a.yaml").write_text(text)
+    (tmp_path / "a.yaml").write_text(SCENE)
     with (tmp_path / "b.yaml").open("w") as file:
-        file.write(text)
+        file.write(SCENE)
         file.truncate(3_000_000_000)  # sparse
     small, huge = list_folder(tmp_path)
     small.load()

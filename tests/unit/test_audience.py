@@ -38,7 +38,7 @@ class Reader:
         content = json.loads(message)
         self.texts[content["kind"]] = content
         if content["kind"] == "board":
-            self.board[content["from"] :] = content["rows"]
+            self.board[content["first"] :] = content["rows"]
 
     def say(self, kind: str, **more: Any) -> None:
         self.audience.hear(self.page, json.dumps({"do": kind} | more))
