@@ -150,7 +150,7 @@ def test_python_files_that_a_page_names_exist(page):
     known = [*ROOT.glob("taichi_disk/**/*.py"), *ROOT.glob("tests/**/*.py")]
     known += ROOT.glob("docs/*/*.py")
     paths = [f"/{path.relative_to(ROOT)}" for path in known]
-    for name in re.findall(r"`([a-z_/]+\.py)`", prose(page)):
+    for name in re.findall(r"(?<![\w./])[a-z_]+(?:/[a-z_]+)*\.py\b", page.read_text()):
         assert any(path.endswith(f"/{name}") for path in paths), name
 
 
