@@ -4,6 +4,7 @@ sandbox goes on."""
 from __future__ import annotations
 
 import asyncio
+import io
 import json
 import random
 import re
@@ -376,6 +377,18 @@ def test_the_addresses_of_the_network_and_of_the_name_are_printed_once(
         monkeypatch.setattr(server.socket, "gethostname", lambda: "desk")
         printed = server._names("0.0.0.0", listening)
     assert printed == ["192.0.2.1", "192.0.2.2", "desk"]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
+def test_a_terminal_that_can_shows_the_code(
+    monkeypatch: pytest.MonkeyPatch, encoding: str
+) -> None:
+    shown = io.TextIOWrapper(io.BytesIO(), encoding)
+    monkeypatch.setattr(shown, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stdout", shown)
+    server._print_code("http://192.0.2.1:8000/23456789/")
+    shown.seek(0)
+    assert bool(shown.read()) == (encoding == "utf-8")
 
 
 def test_an_empty_host_does_not_listen_everywhere() -> None:

@@ -275,6 +275,26 @@ def test_a_page_keeps_its_disk_over_a_reload_and_another_page_has_its_own(
 
 
 @pytest.mark.validate
+def test_a_page_notices_that_nobody_answers_and_finds_its_disk_again(
+    served: tuple[subprocess.Popen[str], str], browser: Browser
+) -> None:
+    program, url = served
+    browser.open(url)
+    browser.click("drop")
+    browser.wait(lambda: browser.state("t") > 0.5)
+    browser.click("drop")
+    browser.wait(lambda: browser.text("drop") == "Go on")
+    t = browser.state("t")
+    program.send_signal(signal.SIGSTOP)  # as a cable that is pulled: no word, no end
+    browser.script("window.dispatchEvent(new Event('online'))")
+    browser.wait(lambda: "does not answer" in browser.text("role"))
+    program.send_signal(signal.SIGCONT)
+    browser.wait(lambda: browser.text("role") == "")
+    assert browser.state("t") == t and browser.text("drop") == "Go on"
+    ended(program)
+
+
+@pytest.mark.validate
 def test_the_projector_shows_large_letters_and_a_film_is_saved(
     served: tuple[subprocess.Popen[str], str], each_browser: Browser
 ) -> None:
