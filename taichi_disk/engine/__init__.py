@@ -12,7 +12,6 @@ from __future__ import annotations
 import sys
 from contextlib import suppress
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
@@ -52,6 +51,8 @@ def program() -> Any:
 
 def versions() -> dict[str, str]:
     """Return {package: version} of the installed engine, without importing it."""
+    from importlib.metadata import PackageNotFoundError, version
+
     with suppress(PackageNotFoundError):
         return {PACKAGE: version(PACKAGE)}
     return {}
