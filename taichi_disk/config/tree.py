@@ -358,10 +358,8 @@ def as_path(path: Any, name: str) -> Path:
 def _override(tree: Tree, override: str, rank: int) -> None:
     mark = Mark(rank, label=f"--set {printable(override, width=1000)}")
     name, equals, text = override.partition("=")
-    splits = -1
-    if name.strip().startswith("sweep."):
-        splits = 1  # the name of a sweep axis may contain dots
-    path = tuple(part.strip() for part in name.split(".", splits))
+    # the name of a sweep axis may contain dots
+    path = [part.strip() for part in name.split(".", 1)]
     if not equals or not all(part and part.isprintable() for part in path):
         tree.fault(
             mark,
@@ -370,39 +368,37 @@ def _override(tree: Tree, override: str, rank: int) -> None:
             " material.eta_star=30",
         )
         return
-    key = path[-1]
-    for section, parent in _parents(tree, path, mark).items():
-        where = (*section, key)
+    *section, key = path
+    for place, parent in _parents(tree, section, mark):
+        where = (*place, key)
         new = parse(text, mark, where)
         tree.faults += new.faults
         old = parent.get(key)
         value = new.value
-        if len(where) == 1 and isinstance(old, dict) and isinstance(value, dict):
+        if not place and isinstance(old, dict) and isinstance(value, dict):
             value = old | value  # replaces some keys of a section
         parent[key] = value
         tree.entries |= {where: Entry(mark, mark)} | new.entries
 
 
-def _parents(tree: Tree, path: Keys, mark: Mark) -> dict[Keys, Any]:
-    """Return the mappings that get the value of `path`, by their paths: one, or every
-    section of a sweep, or none if something else is in the way."""
-    sections = path[:-1]
-    blocks = tree.value.get("sweep")
-    if sections == ("sweep",) and isinstance(blocks, list):
-        return {
-            ("sweep", str(k)): block
-            for k, block in enumerate(blocks)
-            if isinstance(block, dict)
-        }
-    parent = tree.value
-    for depth, name in enumerate(sections, start=1):
-        here = sections[:depth]
-        parent = parent.setdefault(name, {})
-        tree.entries.setdefault(here, Entry(mark, mark, "a mapping"))
-        if not isinstance(parent, dict):
-            tree.fault(mark, (), f"{'.'.join(here)} is not a section")
-            return {}
-    return {sections: parent}
+def _parents(
+    tree: Tree, section: list[str], mark: Mark
+) -> list[tuple[Keys, dict[str, Any]]]:
+    """Return the mappings that get the value of a key, with their paths: that of the
+    `section`, if there is one, or each of a sweep, or none if something else is
+    there."""
+    if not section:
+        return [((), tree.value)]
+    (name,) = section
+    found = tree.value.setdefault(name, {})
+    tree.entries.setdefault((name,), Entry(mark, mark, "a mapping"))
+    if isinstance(found, dict):
+        return [((name,), found)]
+    if name != "sweep" or not isinstance(found, list):
+        tree.fault(mark, (), f"{name} is not a section")
+        return []
+    blocks = [((name, str(k)), block) for k, block in enumerate(found)]
+    return [(place, block) for place, block in blocks if isinstance(block, dict)]
 
 
 def shipped_scenes() -> dict[str, Path]:

@@ -227,7 +227,8 @@ def test_the_last_override_of_a_key_wins() -> None:
             "lattice.points: the character 0xdcff is not allowed in YAML: remove it",
         ),
         ("velocity=3", "velocity: unknown key; did you mean impact.velocity?"),
-        ("lattice.points.x=3", "lattice.points is not a section"),
+        ("lattice.points.x=3", "lattice.points.x: unknown key; did you mean points?"),
+        ("scene.x=3", "scene is not a section"),
         (
             "time.dt=[1,",
             (
