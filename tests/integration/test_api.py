@@ -49,16 +49,6 @@ def test_a_scene_is_loaded_from_a_name_a_file_text_and_a_mapping(tmp_path):
     assert all(scene == scenes[0] for scene in scenes)
 
 
-def test_a_run_takes_what_load_scene_takes():
-    scene = {"scene": "exponential_wall", "lattice": {"points": 20}}
-    text = "scene: exponential_wall\nlattice: {points: 20}\n"
-    assert (
-        run(scene, lattices=1).restitution
-        == run(text, lattices=1).restitution
-        == run(load_scene(scene), lattices=1).restitution
-    )
-
-
 def test_nothing_is_written_unless_a_folder_is_named(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run(load_scene("exponential_wall").with_(SMALL), lattices=1)
@@ -91,22 +81,10 @@ def test_a_field_is_that_of_its_state(result):
     np.testing.assert_allclose(strain.values, expected, atol=1e-13)
 
 
-def test_at_points_a_field_is_the_mean_of_the_triangles_around_each(result):
-    state = result.greatest_compression
-    pressure = result.field("pressure", state.t, at="points")
-    own = result.field("pressure", state.t)
-    corners = state.positions[result.lattice.triangles]
-    ax, ay = (corners[:, 1] - corners[:, 0]).T
-    bx, by = (corners[:, 2] - corners[:, 0]).T
-    area = 0.5 * (ax * by - ay * bx)
-    around = (result.lattice.triangles == 7).any(axis=1)
-    assert pressure.on == "points"
-    assert pressure.values.shape == (60,)
-    assert own.on == "triangles"
-    assert pressure.values[7] == pytest.approx(
-        np.average(own.values[around], weights=area[around]), rel=1e-10
-    )
-    assert np.ptp(result.field("fringes", state.t, at="points").values) <= 1.0
+def test_a_field_at_points_has_a_value_for_each(result):
+    pressure = result.field("pressure", at="points")
+    assert (pressure.on, pressure.values.shape) == ("points", (60,))
+    assert result.field("pressure").on == "triangles"
     with pytest.raises(InputError, match="at: must be"):
         result.field("pressure", 1.0, at="springs")
 

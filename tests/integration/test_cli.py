@@ -91,13 +91,7 @@ def test_a_run_notes_that_eta_star_counts_per_point_where_it_makes_another_body(
         assert "notes" not in json.loads(
             (tmp_path / f"{number}" / "summary.json").read_text()
         )
-    usual = load_scene("exponential_wall")
-    assert not usual.notes(1099)
-    assert "η* = 10 " in usual.scenario().words.title[1]
-    assert (
-        "η = 0.1 Mc/R"
-        in usual.with_(points=60, viscosity=0.1).scenario().words.title[1]
-    )
+    assert not load_scene("exponential_wall").notes(1099)
 
 
 def test_a_run_goes_into_out_and_the_name_of_the_scene_unless_a_folder_is_named(
@@ -450,19 +444,9 @@ def test_too_little_memory_is_reported_in_a_sentence(tmp_path):
     assert not (tmp_path / "o" / "timeseries.csv").exists()
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["run", "exponential_wall"],
-        ["sweep", "figure3"],
-        ["render", "x"],
-        ["export", "x"],
-        ["accuracy", "exponential_wall"],
-    ],
-)
-def test_the_home_of_nobody_is_refused_in_a_sentence(capsys, words):
+def test_the_home_of_nobody_is_refused_in_a_sentence(capsys):
     with pytest.raises(SystemExit) as end:
-        main([*words, "--out", "~no-such-user/x"])
+        main(["run", "exponential_wall", "--out", "~no-such-user/x"])
     assert end.value.code == 2
     assert "there is no user of this name" in capsys.readouterr().err
 

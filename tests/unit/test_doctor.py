@@ -27,15 +27,6 @@ def test_a_ready_machine_is_reported_ready_and_nothing_is_left_behind(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.validate
-def test_files_of_the_working_folder_change_nothing(tmp_path, monkeypatch, capsys):
-    for name in ("random", "copy", "queue", "yaml"):
-        tmp_path.joinpath(f"{name}.py").write_text("open('RUN', 'w').close(); 1 / 0")
-    monkeypatch.chdir(tmp_path)
-    assert main(["doctor"]) == 0
-    assert not (tmp_path / "RUN").exists()
-
-
 @pytest.mark.parametrize(
     ("script", "seconds", "message"),
     [

@@ -6,7 +6,6 @@ from __future__ import annotations
 import errno
 import json
 import os
-import re
 import subprocess
 import sys
 from contextlib import suppress
@@ -300,24 +299,6 @@ def test_a_file_that_comes_while_the_run_computes_stays_and_the_run_is_not_lost(
         "run-2/scene.yaml",
         "run-2/summary.json",
     }
-
-
-def test_a_run_that_cannot_be_moved_is_kept_where_it_is(tmp_path, monkeypatch):
-    replace = os.replace
-
-    def full(new, path):
-        if os.path.isdir(new):
-            raise OSError(28, "No space left on device")
-        replace(new, path)
-
-    monkeypatch.setattr(os, "replace", full)
-    with run_folder(tmp_path / "run", SCENE, False) as folder:
-        (folder.path / "summary.json").write_text('{"status": "done"}')
-    assert re.fullmatch(
-        r"cannot move the run into .*: No space left on device; it stays in .*",
-        folder.failure,
-    )
-    assert set(content(folder.out)) == {"scene.yaml", "summary.json"}
 
 
 KILLED = """
