@@ -201,7 +201,9 @@ def test_springs_across_triangles_and_the_edge_of_a_core_are_drawn(shoot):
         / 4.0
     )
     near = cKDTree(grid).query_pairs(0.36, output_type="ndarray")
-    crossed = Lattice.from_points(grid, near)
+    squares = np.arange(81).reshape(9, 9)[:-1, :-1].reshape(-1, 1)
+    halves = np.concatenate([squares + [0, 1, 10], squares + [0, 10, 9]])
+    crossed = Lattice.from_points(grid, near, triangles=halves)
     x = crossed.positions + [0.0, 1.1]
     triangles = Triangles(crossed)
     field, both = (shoot(crossed, x, draw=draw) for draw in ("field", "both"))

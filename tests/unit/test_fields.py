@@ -74,7 +74,9 @@ def test_springs_that_cross_triangles_and_the_edge_of_a_core_are_reported():
         for j in range(i)
         if PATCH_DISTANCES[i, j] < 1.8 / RINGS
     ]
-    crossed = Triangles(Lattice.from_points(PATCH.positions, ends))
+    crossed = Triangles(
+        Lattice.from_points(PATCH.positions, ends, triangles=PATCH.triangles)
+    )
     assert len(crossed.crossing) == len(ends) - len(PATCH.bonds)
     assert not len(MESH.crossing) + len(MESH.interfaces)
     core = disk_lattice(300, 0, core_radius=0.5, core_stiffness=3.0)
@@ -133,7 +135,7 @@ def test_the_integral_of_the_stress_is_the_virial_of_other_forces_and_of_inertia
 
 def test_the_stress_of_springs_that_cross_others_is_in_the_integral_too():
     pairs = np.argwhere(np.triu(PATCH_DISTANCES < 1.8 / RINGS, 1))
-    lattice = Lattice.from_points(PATCH.positions, pairs)
+    lattice = Lattice.from_points(PATCH.positions, pairs, triangles=PATCH.triangles)
     x, _ = shaken(lattice)
     triangles = Triangles(lattice)
     total = (stress(triangles, SPRINGS, x) * triangles.areas(x)[:, None]).sum(axis=0)
