@@ -11,9 +11,10 @@ const SLOW = 0.02; // a smaller part of that speed has no arrow
 const COMING = { light: "#b8b8b7", dark: "#54575e" }; // colours of curves still to come
 const DASHES = [[], [5, 3], [1, 3], [9, 3, 1, 3]]; // of the curves of compared runs
 const STROKES = ["——", "– –", "·····", "– · –"]; // the same in words
+const CLEAR = 0.15; // part of an axis beside which another number has room
 const WIDE = 160; // axis of time with room for three numbers [px]
 const LOW = 230; // a lower picture has no room for a legend [px]
-const STACKED = "(max-width: 599px) and (min-height: 481px)"; // disks one above the other
+const STACKED = "(max-width: 599px) and (min-height: 701px)"; // disks one above the other
 
 // Return the value of a list at a place between two whole numbers.
 function between(values, place) {
@@ -155,7 +156,8 @@ class Curves {
     const { first, last, moments, unit } = this;
     const high = ticks.at(-1);
     const low = ticks[0];
-    const numbers = ticks.map((value) => label(value));
+    const isClear = (value) => !value || Math.abs(value) > CLEAR * (high - low);
+    const numbers = ticks.map((value) => (isClear(value) ? label(value) : ""));
     const widths = numbers.map((text) => ctx.measureText(text).width);
     const left = start + Math.max(...widths) + 14;
     const width = start + across - 12 - left;

@@ -136,8 +136,9 @@ function drawColours(ctx, { width, height, theme, quantity, limit, colours }, pl
   }
   const name = nameOf(quantity, limit);
   const whole = `◂ ${quantity.low}    ${name}    ${quantity.high} ▸`;
-  const fits = quantity.low && ctx.measureText(whole).width < width - 32;
-  write(ctx, fits ? whole : name, width / 2, height - places.name, { theme });
+  const words = [quantity.low ? whole : name, name, name.split("  [")[0], name.split(" (")[0]];
+  const text = words.find((one) => ctx.measureText(one).width < width - 16) ?? "";
+  write(ctx, text, width / 2, height - places.name, { theme });
 }
 
 function nameOf({ name, label: text, unit }, limit) {

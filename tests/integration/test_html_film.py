@@ -275,6 +275,9 @@ def test_the_curves_run_over_time_so_that_the_greatest_compression_is_no_corner(
     slope, start = np.polyfit(wanted, found, 1)
     assert np.polyval([slope, start], wanted) == pytest.approx(found, abs=1.0)
     assert slope * (last - first) > 150.0
+    place_of(browser, len(film["cues"]) - 1)
+    panel = curves(browser).shape[1] / len(film["titles"])
+    assert present(browser) == pytest.approx(panel - 12.0, abs=1.0)  # the axis' end
 
 
 def test_between_two_states_the_disk_is_between_them(browser, folder):

@@ -53,9 +53,9 @@ def test_a_drag_of_40_pixels_moves_the_disk_by_40_and_a_scene_chosen_is_thrown_b
     browser.click("all")
     assert browser.wait(lambda: browser.disk() == ((x, y), radius))
     assert entry(browser) == "0"
-    browser.click("scenes")
+    browser.driver.find_element("id", "scenes").click()
     assert browser.script("return document.getElementById('list').open")
-    browser.script("document.querySelector('#entries [data-play=\"3\"]').click()")
+    browser.driver.find_element("css selector", "#entries [data-play='3']").click()
     browser.wait(lambda: browser.text("sentence").endswith("?"))
     browser.wait(lambda: entry(browser) == "3")
     assert not browser.script("return document.getElementById('list').open")
