@@ -390,14 +390,14 @@ def _parents(
     if not section:
         return [((), tree.value)]
     (name,) = section
-    found = tree.value.setdefault(name, {})
+    content = tree.value.setdefault(name, {})
     tree.entries.setdefault((name,), Entry(mark, mark, "a mapping"))
-    if isinstance(found, dict):
-        return [((name,), found)]
-    if name != "sweep" or not isinstance(found, list):
+    if isinstance(content, dict):
+        return [((name,), content)]
+    if name != "sweep" or not isinstance(content, list):
         tree.fault(mark, (), f"{name} is not a section")
         return []
-    blocks = [((name, str(k)), block) for k, block in enumerate(found)]
+    blocks = [((name, str(k)), block) for k, block in enumerate(content)]
     return [(place, block) for place, block in blocks if isinstance(block, dict)]
 
 

@@ -33,5 +33,6 @@ UNITS = {
 }
 
 
-def meant(word: str) -> str:
+def resolve_synonym(word: str) -> str:
+    """Return the key that `word` means, or `word` itself."""
     return SYNONYMS.get(word.lower(), word)

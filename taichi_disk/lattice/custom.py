@@ -80,12 +80,12 @@ def checked_springs(springs: ArrayLike, n: int) -> Long:
     pairs = _checked_corners(springs, n, "spring", 2)
     first, second = pairs.T
 
-    def shown(k: int) -> str:
+    def label(k: int) -> str:
         return f"spring {k} joins {pairs[k].tolist()}"
 
-    refuse(first == second, lambda k: f"{shown(k)}: it needs two different points")
+    refuse(first == second, lambda k: f"{label(k)}: it needs two different points")
     repeats = _repeats(pair_keys(pairs, n))
-    refuse(repeats, lambda k: f"{shown(k)}, which are joined already")
+    refuse(repeats, lambda k: f"{label(k)}, which are joined already")
     return pairs
 
 

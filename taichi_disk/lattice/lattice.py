@@ -400,7 +400,7 @@ def _spring_arrays(
     bonds: Long | None, n: int, arrays: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Return the values (m,) of the user's `bonds` in the order of the lattice."""
-    found: dict[str, Any] = {"stiffness": None}
+    ordered: dict[str, Any] = {"stiffness": None}
     for name in ("rest_lengths", "stiffness"):
         if arrays.get(name) is None:
             continue
@@ -410,9 +410,9 @@ def _spring_arrays(
             )
         array = custom.column(arrays[name], len(bonds), name)
         custom.check_springs(name, array)
-        found[name] = array[np.argsort(pair_keys(bonds, n))]
-    found["stiffness"] = _stiffness_or_none(found["stiffness"])
-    return found
+        ordered[name] = array[np.argsort(pair_keys(bonds, n))]
+    ordered["stiffness"] = _stiffness_or_none(ordered["stiffness"])
+    return ordered
 
 
 def _stored(arrays: dict[str, Any], origin: str) -> Lattice:

@@ -28,7 +28,7 @@ def read_table(text: str) -> tuple[Array, Array | None]:
     """
     lines = _content(text)
     if not lines:
-        raise _refusal("it has no points")
+        raise _refusal("it has no points", "no lines")
     first = min(lines)
     separator = _separator(lines[first])
     rows = {number: _cells(line, separator) for number, line in lines.items()}
@@ -41,22 +41,22 @@ def read_table(text: str) -> tuple[Array, Array | None]:
     numbers = []
     for number, cells in rows.items():
         if len(cells) != len(names):
-            fault = f"line {number} has {len(cells)} columns, line {first} {len(names)}"
+            fault = f"line {number} has {len(cells)} columns instead of {len(names)}"
             raise _refusal(fault, *cells)
-        chosen = [cells[place] for place in places.values()]
-        if not all(map(_NUMBER.fullmatch, chosen)):
-            raise _refusal(f"line {number} has something else than numbers", *chosen)
-        numbers.append([float(cell) for cell in chosen])
+        chosen_cells = [cells[place] for place in places.values()]
+        if not all(map(_NUMBER.fullmatch, chosen_cells)):
+            raise _refusal(f"line {number} lacks a number", *chosen_cells)
+        numbers.append([float(cell) for cell in chosen_cells])
     if not numbers:
         raise _refusal("it has no points", *names)
     columns = dict(zip(places, np.array(numbers).T, strict=True))
     return np.stack([columns["x"], columns["y"]], axis=1), columns.get("mass")
 
 
-def _refusal(fault: str, *found: str) -> InputError:
-    shown = printable(" | ".join(found), width=100)
+def _refusal(fault: str, *cells: str) -> InputError:
+    content = printable(" | ".join(cells), width=100)
     return InputError(
-        f"{fault} ({shown}): a table has one line of names with x, y and optionally"
+        f"{fault} ({content}): a table has one line of names with x, y and optionally"
         " mass, or no names and two columns; Lattice.from_points takes other points"
     )
 

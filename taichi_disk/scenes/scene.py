@@ -22,7 +22,7 @@ from taichi_disk.config.sections import (
     VideoSection,
 )
 from taichi_disk.config.tree import Keys, Tree, tree_of
-from taichi_disk.config.words import UNITS, meant
+from taichi_disk.config.words import UNITS, resolve_synonym
 from taichi_disk.errors import InputError, did_you_mean, either, nearest
 from taichi_disk.lattice import (
     Array,
@@ -431,7 +431,7 @@ def _unknown(kind: str, path: Keys, kinds: Kinds, tree: Tree) -> str:
     owners = [name for name, one in kinds.items() if _has(one, path)]
     if owners:
         return f"belongs to scene: {either(owners)}, not to scene: {kind}"
-    name = meant(word)
+    name = resolve_synonym(word)
     sections = kinds[kind].sections()
     if len(path) == 1:
         place = f"scene: {kind}"

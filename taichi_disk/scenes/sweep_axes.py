@@ -15,7 +15,7 @@ from math import prod
 from typing import Any, TypeAlias
 
 from taichi_disk.config.tree import Entry, Keys, Tree, printable
-from taichi_disk.config.words import meant
+from taichi_disk.config.words import resolve_synonym
 from taichi_disk.errors import did_you_mean
 from taichi_disk.scenes.scene import DiskScene, Kinds, Value, check, yaml_scalar
 
@@ -107,9 +107,10 @@ def _axes(
         target = target_of(kind, name)
         if target is None:
             names = [key for key in kind.key_names() if target_of(kind, key)]
+            word = name.split(".")[-1]
             hint = ""
             if not tree.is_full:
-                hint = did_you_mean(meant(name.split(".")[-1]), names)
+                hint = did_you_mean(resolve_synonym(word), names)
             tree.fault(
                 mark,
                 path,
@@ -181,13 +182,13 @@ def _combine(
     for block in blocks:
         # values as scenes have them, without duplicates
         values: dict[str, dict[Any, None]] = {name: {} for name in block}
-        for chosen in itertools.product(*block.values()):
+        for entries in itertools.product(*block.values()):
             if tree.is_full:
                 break
-            combination = dict(zip(block, chosen, strict=True))
-            shown = [f"{name}: {value}" for name, (value, _) in combination.items()]
+            combination = dict(zip(block, entries, strict=True))
+            terms = [f"{name}: {value}" for name, (value, _) in combination.items()]
             combined = _with(kind, tree, combination)
-            scene = check(combined, kinds, where=f" (at {', '.join(shown)})")
+            scene = check(combined, kinds, where=f" (at {', '.join(terms)})")
             tree.faults.extend(combined.faults)
             if scene is None:
                 continue
