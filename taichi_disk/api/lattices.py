@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
 
 from taichi_disk.computation.outcome import ESTIMATE_UP_TO, Outcome
 from taichi_disk.errors import TaichiDiskError
@@ -134,6 +133,8 @@ def statistics_of(values: list[float]) -> dict[str, Any]:
 def half_width_95(standard_error: float, count: int) -> float:
     """Return half of the width of the 95 % confidence interval of a mean of `count` >=
     2 values by Student's t, which allows for a scatter that few values show badly."""
+    from scipy.special import stdtrit
+
     return float(stdtrit(count - 1, 0.975)) * standard_error
 
 
