@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import gc
-import io
 import pickle
 import sys
 from collections.abc import Callable, Iterator
@@ -13,7 +12,7 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from typing import Any
 
-from taichi_disk.machine import can_start_python, cores
+from taichi_disk.machine import can_start_python
 from taichi_disk.processes.pool import Pool
 
 # after this time a picture is drawn again in this process [s]; it takes 0.5 s, but a
@@ -53,7 +52,7 @@ def drawing_process(film: bool) -> Iterator[Artist]:
     if can_start_python() and (film or "matplotlib" not in sys.modules):
         with suppress(OSError):  # there is no room for another process
             pool = Pool(1)
-            pool.submit(_warm_up)
+            pool.submit(_import_matplotlib)
     try:
         yield Artist(pool)
     finally:
@@ -61,16 +60,7 @@ def drawing_process(film: bool) -> Iterator[Artist]:
             pool.kill()
 
 
-def _warm_up() -> None:
-    """Draw a first figure, which loads fonts and fills caches (0.1 s)."""
+def _import_matplotlib() -> None:
     gc.disable()  # the process ends before collecting would pay
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    if cores() > 1:
-        figure = Figure()
-        FigureCanvasAgg(figure)
-        ax = figure.subplots()
-        ax.plot([0.0, 1.0], label="$x$")
-        ax.legend()
-        figure.savefig(io.BytesIO())
+    import matplotlib.backends.backend_agg
+    import matplotlib.figure  # noqa: F401
