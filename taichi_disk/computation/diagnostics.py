@@ -67,7 +67,6 @@ def warnings(scenario: Scenario, columns: Columns) -> list[str]:
     candidates = [
         unacceptable(scenario, columns),
         _sliding(scenario, columns),
-        _faster_than_before(columns),
         _rotation_lost(scenario, columns),
     ]
     return [text for text in candidates if text]
@@ -87,26 +86,48 @@ def _sliding(scenario: Scenario, columns: Columns) -> str:
     )
 
 
-def _faster_than_before(columns: Columns) -> str:
-    # twice the kinetic energies; the mass is 1 M
-    towards_wall = columns["com_vy"] ** 2
-    initial = float(towards_wall[0])
-    if not initial or towards_wall[-1] <= (1.0 + MAX_IMBALANCE) * initial:
-        return ""
-    spin_part = _fraction_lost(2.0 * columns["rotation"], initial)
-    along_part = _fraction_lost(columns["com_vx"] ** 2, initial)
+def energy_gained(
+    scenario: Scenario, columns: Columns, error: float | None
+) -> dict[str, float]:
+    """Return from where an impact with e above 1 took energy, by name, as fractions of
+    the energy of the flight towards the wall; empty if e is not above 1 by more than
+    its `error` (None: unknown)."""
+    if not scenario.is_thrown:
+        return {}
+    _, restitution = scenario.primary(columns)
+    if error is None:
+        error = MAX_IMBALANCE
+    if restitution <= 1.0 + error:
+        return {}
+    flight = 0.5 * float(columns["com_vy"][0]) ** 2  # the mass is 1 M
+    stored = {
+        "spin": columns["rotation"],
+        "flight along the wall": 0.5 * columns["com_vx"] ** 2,
+        "vibration": columns["vibration"] + columns["elastic"],
+    }
+    return {
+        name: float(energy[0] - energy[-1]) / flight for name, energy in stored.items()
+    }
+
+
+def parts_text(gained: dict[str, float]) -> str:
+    parts = {name: round(part, 6) + 0.0 for name, part in gained.items()}  # no "-0"
+    return ", ".join(f"{part:+.3g} from {name}" for name, part in parts.items())
+
+
+def faster_than_before(gained: dict[str, float]) -> str:
+    """Return a warning about energy that became flight away from the wall."""
+    source = max(gained, key=lambda name: gained[name])
+    remedy = {
+        "spin": "with a smaller spin",
+        "flight along the wall": "with a smaller impact.angle",
+        "vibration": "without vibration at the start",
+    }[source]
     return (
         "e is above 1 because the impact turned other energy into flight away from the"
-        f" wall: {spin_part:+g} of the energy of the flight towards it came from the"
-        f" spin, {along_part:+g} from the flight along it; with a smaller impact.spin e"
-        " measures the flight alone"
+        " wall. In units of the energy of the flight towards it this was"
+        f" {parts_text(gained)}; {remedy} e measures the flight alone"
     )
-
-
-def _fraction_lost(energy: Array, scale: float) -> float:
-    """Return the loss of an energy (rows,) from the first to the last row, over
-    `scale`."""
-    return round(float(energy[0] - energy[-1]) / scale, 4) + 0.0  # no "-0"
 
 
 def _rotation_lost(scenario: Scenario, columns: Columns) -> str:

@@ -155,6 +155,9 @@ def _described(
             inverted = inverted_triangles(scenario.lattice, compressed.positions)
     elif second or small:
         errors, inverted = second or second_run(driver, runs.progress)
+    gained = diagnostics.energy_gained(scenario, columns, errors.get(primary))
+    if gained:
+        warnings.append(diagnostics.faster_than_before(gained))
     is_uncertain = errors.get(primary, 0.0) > SUSPICIOUS_ERROR * abs(value)
     if is_uncertain and scenario.step_dependent:
         warnings.append(uncertain(primary, value, errors[primary]))
@@ -168,6 +171,8 @@ def _described(
         "error_source": "time step" if scenario.step_dependent else "end of the run",
         "energy": diagnostics.summary(scenario, columns),
     }
+    if gained:
+        summary["gained_from"] = diagnostics.parts_text(gained)
     return Outcome(
         scenario=scenario,
         series=columns,

@@ -39,6 +39,8 @@ def rows(summary: Summary, labels: Labels) -> Iterator[tuple[str, str, str]]:
     for key, label in labels.items():
         if key in summary:
             yield from _result_rows(summary, key, *label)
+        if key == "restitution" and "gained_from" in summary:
+            yield "  energy became flight:", summary["gained_from"], ""
     if "dt" in summary:
         yield "time step", f"{summary['dt']:.6g}", "R/c"
         yield "steps", f"{summary['steps']:,}", f"({summary['integrator']})"

@@ -13,7 +13,7 @@ import reference
 from bodies import V0, A, advance, bouncing, computed
 from numpy.testing import assert_allclose, assert_array_equal
 
-from taichi_disk.computation.diagnostics import summary, warnings
+from taichi_disk.computation.diagnostics import energy_gained, summary, warnings
 from taichi_disk.computation.outcome import compute
 from taichi_disk.integrators import VELOCITY_VERLET
 from taichi_disk.lattice import Lattice
@@ -210,11 +210,43 @@ def test_a_run_with_e_above_1_says_which_energy_became_flight(kernels):
     (text,) = outcome.summary["warnings"]
     rotation = inertia(scenario) * (0.3**2 - found["spin_after"] ** 2) / 0.05**2
     assert text.startswith("e is above 1")
-    assert f"{rotation:+.3f}" in text
-    assert "+0 from the flight along" in text
+    gained = outcome.summary["gained_from"]
+    assert gained.startswith(f"{rotation:+.3g} from spin, +0 from flight along")
+    assert gained in text and "with a smaller spin" in text
     _, outcome, found = impact(kernels, *throw)
     assert found["restitution"] < 1.0
     assert not outcome.summary["warnings"]
+    assert "gained_from" not in outcome.summary
+
+
+def test_a_gain_of_e_is_compared_with_its_own_error(kernels):
+    # 2e-4 of a slow throw along a soft wall, more than a thousand times its error
+    slow = (
+        *("exponential_wall", "lattice.points=60", "material.eta_star=0"),
+        *("impact.velocity=0.01", "impact.angle=0.8766", "wall.friction=0.1895"),
+        *("wall.a=0.4008", "wall.V0=1.884e-10"),
+    )
+    _, outcome = computed(kernels, *slow)
+    (text,) = outcome.summary["warnings"]
+    columns = outcome.series
+    before, after = columns["com_vx"][[0, -1]] ** 2 / columns["com_vy"][0] ** 2
+    assert f"{before - after:+.3g} from flight along the wall" in text
+    assert "smaller impact.angle" in text
+    for error, is_told in ((1e-4, True), (1e-3, False)):
+        assert bool(energy_gained(outcome.scenario, columns, error)) is is_told
+
+
+def test_vibration_at_the_start_may_become_flight(kernels):
+    settings = ("lattice.points=40", "material.eta_star=0", "impact.velocity=0.005")
+    scenario = load_scene("exponential_wall", settings).scenario()
+    v = 0.05 * np.random.default_rng(0).standard_normal((40, 2))
+    v -= v.mean(axis=0) + [0.0, 0.005]
+    outcome = compute(replace(scenario, velocities=v))
+    gained = energy_gained(outcome.scenario, outcome.series, None)
+    assert gained["vibration"] > 0.01
+    # e counts the small potential of the wall at both ends, too
+    _, e = outcome.scenario.primary(outcome.series)
+    assert sum(gained.values()) == pytest.approx(e**2 - 1.0, rel=3e-3)
 
 
 THROWS = list(product((0.2, 0.6, 1.0, 1.3), (0.1, 0.3, 0.8), (0.0, 0.03)))
