@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 
 from taichi_disk.integrators import VELOCITY_VERLET
 from taichi_disk.physics import Model, ResetBoundary, SmoothElasticWall, Springs
+from taichi_disk.simulation.observables import INDEX
 
 # Almost no springs, so that only the contact acts.
 BARE = Model(Springs(1e-12, 1e-12), ELASTIC, boundary=ResetBoundary(1.0))
@@ -171,3 +172,45 @@ def test_a_surface_of_two_points_is_one_spring_for_either_contact(kernels):
         assert len(scenario.lattice.wall_surface) == 2
         found.append(scenario.result(outcome.series)["restitution"])
     assert found[0] == found[1] > 0.8
+
+
+def test_a_point_that_passes_to_the_next_spring_loses_the_jump_of_its_potential(
+    kernels,
+):
+    # on a bent surface, by the trapezoidal rule over the move
+    rng = np.random.default_rng(3)
+    x = LATTICE.positions.copy()
+    x[LATTICE.wall_surface, 1] += 0.02 * rng.uniform(-1, 1, len(LATTICE.wall_surface))
+    v = np.zeros_like(x)
+    v[:N, 0] = 100.0  # farther than a spring in a step
+    h = 3e-3
+    body = replace(LATTICE, positions=x)
+    simulation = kernels.simulation(body, BARE, VELOCITY_VERLET, v, h)
+    (row,) = simulation.advance(1, 1)[0]
+    state = simulation.snapshot()
+    after = state.vectors[0]
+    before = after - h * state.vectors[1]
+
+    def spring_below(i, at):
+        return int(np.searchsorted(at[LATTICE.wall_surface, 0], at[i, 0], "right")) - 1
+
+    def potential(i, k, at):
+        start, end = at[LATTICE.wall_surface[k : k + 2]]
+        along = end - start
+        normal = np.array([-along[1], along[0]]) / np.hypot(*along)
+        height = (at[i] - start) @ normal
+        if height >= ELASTIC.threshold:
+            return 0.0
+        return V0 * (np.exp(-A * height) - np.exp(-A * ELASTIC.threshold))
+
+    lost = 0.0
+    passed = 0
+    for i in LATTICE.disk_surface:
+        old, new = spring_below(i, before), spring_below(i, after)
+        is_touching = ELASTIC.contacts(LATTICE, after).points
+        if old != new and i in is_touching:
+            passed += 1
+            for at in (before, after):
+                lost += 0.5 * (potential(i, old, at) - potential(i, new, at))
+    assert passed > 0
+    assert row[INDEX["sliding"]] == pytest.approx(lost, rel=1e-9)

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SMALL, WALL, advance, bouncing, computed
+from bodies import SMALL, WALL, advance, bouncing, computed, driver_of
 from numpy.testing import assert_allclose
 
 from taichi_disk.integrators import TRAPEZOIDAL, VELOCITY_VERLET
@@ -195,3 +195,40 @@ def test_the_energy_that_a_point_loses_by_sliding_over_the_bent_wall_is_recorded
     assert coarse / fine == pytest.approx(4.0, abs=0.4)
     assert slid == pytest.approx(again, rel=0.2)
     assert abs(again) > 100 * fine
+
+
+@pytest.mark.parametrize(
+    ("scene", "causes"),
+    [
+        (("exponential_wall", "material.eta_star=0"), set()),
+        (("exponential_wall", "material.eta_star=10"), {"dissipated"}),
+        (("exponential_wall", "material.eta_star=100"), {"dissipated"}),
+        (
+            ("exponential_wall", "material.eta_star=0", "wall.friction=0.2"),
+            {"friction"},
+        ),
+        (("absorbing_wall", "material.eta_star=0"), {"absorbed"}),
+        (("absorbing_wall", "material.eta_star=10"), {"absorbed", "dissipated"}),
+        (
+            (
+                "absorbing_wall",
+                "material.eta_star=10",
+                "time.integrator=trapezoidal",
+                "wall.boundary=dashpot",
+            ),
+            {"absorbed", "dissipated"},
+        ),
+    ],
+    ids=str,
+)
+def test_losses_begin_at_0_and_grow_only_where_their_cause_acts(scene, causes, kernels):
+    name, *settings = scene
+    spin = ("lattice.points=30", "impact.spin=0.1")
+    if name == "absorbing_wall":
+        spin += ("wall.points=50", "wall.width=3.0")
+    driver = driver_of(kernels, name, *spin, *settings)
+    driver.advance()
+    for loss in ("dissipated", "absorbed", "friction"):
+        values = driver.columns[loss]
+        assert values[0] == 0.0
+        assert bool(values.any()) is (loss in causes), loss

@@ -36,3 +36,10 @@ def test_without_losses_results_are_measured_at_the_end_of_the_run():
 def test_a_contact_between_two_rows_is_the_interval_in_which_the_disk_turns_back():
     start, end = contact_interval(T, np.zeros(len(T)), T - 3.55)
     assert (start, end) == pytest.approx((3.5, 3.6))
+
+
+def test_a_contact_may_begin_with_the_second_row():
+    # the logarithm of the force is straight between two rows
+    force = np.array([1e-4, 1.0, 1.0, 1e-4, 0.0])
+    start, end = contact_interval(np.arange(5.0), force, np.arange(5.0) - 1.5)
+    assert (start, end) == pytest.approx((0.5, 2.5))
