@@ -18,6 +18,7 @@ from disk_modes import YOUNG as YOUNG_OF_FINE_LATTICES
 from disk_modes import Disk
 from quasistatic import quasistatic_impact
 
+from taichi_disk.api.lattices import half_width_95
 from taichi_disk.figures import theory
 from taichi_disk.scenes.compression import exact_compression, paper_compression
 
@@ -64,20 +65,20 @@ def fitted(curve: Row, law: str, prefix: str = "") -> Row:
 
 
 def points(*sweeps: str) -> list[Row]:
-    """Return mean and standard deviation of the primary result at each speed or
-    force."""
-    return [
-        {k: v for k, v in curve.items() if not isinstance(v, (list, dict))}
-        | {"x": x, "mean": mean, "deviation": sd}
-        for sweep in sweeps
-        for curve in curves(sweep)
-        for x, mean, sd in zip(
-            curve["x"],
-            curve["mean"],
-            curve["standard_deviation"] or [None] * len(curve["x"]),
-            strict=True,
-        )
-    ]
+    """Return mean, standard deviation and half the 95 % interval of the primary result
+    at each speed or force."""
+    rows = []
+    for curve in [curve for sweep in sweeps for curve in curves(sweep)]:
+        label = {k: v for k, v in curve.items() if not isinstance(v, (list, dict))}
+        unknown = [None] * len(curve["x"])
+        deviations = curve["standard_deviation"] or unknown
+        half_widths = curve["half_width_95"] or unknown
+        for x, mean, deviation, half_width in zip(
+            curve["x"], curve["mean"], deviations, half_widths, strict=True
+        ):
+            row = {"x": x, "mean": mean, "deviation": deviation}
+            rows.append(label | row | {"half_width_95": half_width})
+    return rows
 
 
 def compression() -> None:
@@ -89,11 +90,11 @@ def compression() -> None:
         rows[-1] |= fitted(curve, "eq2_nominal", "nominal_")
     write("figure2_fits", rows)
     rows = []
-    for row in points("figure2", "continuum_compression"):
+    for row in points("figure2", "figure2_lattices", "continuum_compression"):
         exact = float(exact_compression(row["x"], row["young"], row["poisson"]))
         row |= {"exact_law": exact, "percent_above": 100 * (row["mean"] / exact - 1)}
         if row["lattices"] > 1:
-            row["error"] = 100 * row["deviation"] / row["lattices"] ** 0.5 / exact
+            row["percent_half_width_95"] = 100 * row["half_width_95"] / exact
         row["eq2_with_b_1"] = float(
             paper_compression(row["x"], row["young"], row["poisson"])
         )
@@ -188,14 +189,14 @@ def undamped() -> None:
             row |= {"percent_in_ellipse": 100 * ellipse, "contact_time": contact_time}
             rows.append(row | {"percent_longer": 100 * (contact_time / theirs - 1)})
     for row in points("undamped_hard_wall"):
-        error = row["deviation"] / row["lattices"] ** 0.5
         setting = {
             "body": f"lattice of {row['points']}",
             "a": 3000.0,
             "velocity": row["x"],
             "e": row["mean"],
         }
-        rows.append(setting | {"error": error, "lattices": row["lattices"]})
+        found = {"half_width_95": row["half_width_95"], "lattices": row["lattices"]}
+        rows.append(setting | found)
     with (TABLES / "linear_lattice.csv").open() as file:
         for line in csv.DictReader(file):
             row = {
@@ -205,7 +206,9 @@ def undamped() -> None:
             }
             row |= {
                 "e": float(line["e"]),
-                "error": float(line["error"]),
+                "half_width_95": half_width_95(
+                    float(line["error"]), int(line["lattices"])
+                ),
                 "lattices": line["lattices"],
             }
             rows.append(row)

@@ -190,12 +190,6 @@ LAWS = {
         line=_eq5,
         legend="eq. (5), d₁ and d₂ fitted",
     ),
-    "eq5_d1_is_1": Law(
-        "eq. (5), d1 = 1",
-        lambda c: theory.fit_d2(c.x, c.y),
-        min_points=3,
-        max_speed=3.9,
-    ),
     "curvature": Law(
         "curvature of e(v)", lambda c: theory.fit_curvature(c.x, c.y), min_points=8
     ),
@@ -214,8 +208,8 @@ LAWS = {
 # names of the laws for each kind of scene
 LAWS_OF = {
     "compression": ("eq2", "eq2_nominal"),
-    "exponential_wall": ("eq5", "eq5_d1_is_1", "curvature", "eq4"),
-    "absorbing_wall": ("eq5", "eq5_d1_is_1", "curvature"),
+    "exponential_wall": ("eq5", "curvature", "eq4"),
+    "absorbing_wall": ("eq5", "curvature"),
 }
 
 

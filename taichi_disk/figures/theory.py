@@ -129,23 +129,6 @@ def fit_restitution(velocity: Array, e: Array) -> Fit:
     return _fit(("d1", "d2"), solve, law, e)
 
 
-def fit_d2(velocity: Array, e: Array) -> Fit:
-    """Fit d2 of eq. (5) with d1 = 1, as `fit_restitution`."""
-    scale = _scale(e, np.ones(len(velocity)))
-
-    def law(d2: float) -> Array:
-        return paper_restitution(velocity, 1.0, d2)
-
-    def solve(mean: Array) -> list[float]:
-        # of the line that fits e^2
-        s = 1.0 / np.sqrt(np.log(4.0 / velocity))
-        start = float((1.0 - mean**2) @ s / (s @ s))
-        return least_squares(law, mean, scale, [start])
-
-    fit = _fit(("d2",), solve, law, e)
-    return replace(fit, values={"d1": 1.0, **fit.values})
-
-
 def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
     """Fit tau0 [R/c] of eq. (4) to e (lattices, velocities); `velocity` [c], `e_star`
     [M c^2/R^2]."""
@@ -224,23 +207,18 @@ def _restitutions(velocity: Array, tau0: Array) -> Array:
 
 def fit_curvature(x: Array, y: Array) -> Fit:
     """Fit parabolas to the lower and the upper half of y (lattices, points) over x;
-    return their second derivatives."""
+    return their second derivatives, and no residuals."""
     # Negative values are concave, the paper's "convex upwards".
     halves = np.split(np.arange(len(x)), [len(x) // 2])
 
-    def parabolas(mean: Array) -> list[Array]:
-        return [np.polyfit(x[half], mean[half], 2) for half in halves]
+    def solve(mean: Array) -> list[float]:
+        parabolas = [np.polyfit(x[half], mean[half], 2) for half in halves]
+        return [2.0 * float(powers[0]) for powers in parabolas]
 
     def law(*_curvatures: float) -> Array:
-        pairs = zip(parabolas(y.mean(0)), halves, strict=True)
-        return np.concatenate([np.polyval(powers, x[half]) for powers, half in pairs])
+        return np.full(len(x), np.nan)
 
-    def solve(mean: Array) -> list[float]:
-        return [2.0 * float(powers[0]) for powers in parabolas(mean)]
-
-    fit = _fit(("slow_half", "fast_half"), solve, law, y)
-    # no law of physics, so that it need not hold
-    return replace(fit, freedom=(0, 0))
+    return _fit(("slow_half", "fast_half"), solve, law, y)
 
 
 def least_squares(

@@ -6,9 +6,7 @@ from __future__ import annotations
 import atexit
 import pickle
 import socket
-import threading
 from collections.abc import Iterable, Iterator
-from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import lru_cache
 from math import isfinite
@@ -48,11 +46,9 @@ def compute_task(
     """Return the results of a task's pickled `scenes`. Raises InputError unless the
     versions here are the `expected` ones."""
     check_versions(socket.gethostname(), relevant_versions(), expected)
-    if threading.current_thread() is threading.main_thread():
-        return _compute(scenes, estimate)
-    # A worker may have several threads, and Taichi makes fields only in the thread that
-    # started it.
-    return _taichi_thread().submit(_compute, scenes, estimate).result()
+    with runtime.alone():
+        start_worker()
+    return list(compute_points(pickle.loads(scenes), estimate))
 
 
 def check_versions(
@@ -68,17 +64,6 @@ def check_versions(
             f"a worker on {worker} has {', '.join(mismatches)}: install the same"
             " versions everywhere"
         )
-
-
-@lru_cache(maxsize=1)
-def _taichi_thread() -> Executor:
-    return ThreadPoolExecutor(1, thread_name_prefix="computing")
-
-
-def _compute(scenes: bytes, estimate: bool) -> list[PointResult]:
-    with runtime.alone():
-        start_worker()
-    return list(compute_points(pickle.loads(scenes), estimate))
 
 
 @lru_cache(maxsize=1)

@@ -103,7 +103,7 @@ def test_a_sweep_leaves_one_row_per_point_and_its_fits_and_figure(
     assert all(abs(float(row["energy_imbalance"])) < 1e-3 for row in rows)
     summary = json.loads((small.out / "summary.json").read_text())
     assert [curve["eta_star"] for curve in summary["curves"]] == [0, 30]
-    assert set(summary["curves"][1]["fits"]) == {"eq5", "eq5_d1_is_1", "eq4"}
+    assert set(summary["curves"][1]["fits"]) == {"eq5", "eq4"}
     # The scatter over lattices, as a sample of them shows it.
     for curve in summary["curves"]:
         for v, mean, deviation in zip(

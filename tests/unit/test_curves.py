@@ -29,8 +29,6 @@ def test_planted_parameters_of_eq_5_come_back() -> None:
         assert fit.values == pytest.approx({"d1": d1, "d2": d2}, rel=1e-6)
         assert fit.rms < 1e-7
         assert not fit.intervals
-    fixed = theory.fit_d2(V, theory.paper_restitution(V, 1.0, 0.6)[None])
-    assert fixed.values == pytest.approx({"d1": 1.0, "d2": 0.6}, rel=1e-6)
 
 
 def test_a_planted_b_comes_back_and_each_lattice_has_its_own() -> None:
@@ -77,7 +75,6 @@ def test_curvature_is_the_second_derivative_of_either_half() -> None:
     y = np.where(V[6] > V, -3.0 * V**2 + V, 2.0 * V**2)
     fit = theory.fit_curvature(V, np.stack([y, y]))
     assert fit.values == pytest.approx({"slow_half": -6.0, "fast_half": 4.0}, rel=1e-8)
-    assert fit.rms < 1e-12
 
 
 def test_intervals_hold_the_truth_about_as_often_as_their_level() -> None:
@@ -332,8 +329,8 @@ def test_eq_4_is_fitted_where_there_are_dashpots_swept_or_not() -> None:
 @pytest.mark.parametrize(
     ("fastest", "left"),
     [
-        (2.0, {"eq5", "eq5_d1_is_1", "eq4"}),
-        (3.0, {"eq5", "eq5_d1_is_1"}),
+        (2.0, {"eq5", "eq4"}),
+        (3.0, {"eq5"}),
         (10.0, set()),
     ],
 )
