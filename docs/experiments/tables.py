@@ -52,7 +52,8 @@ def write(name: str, rows: list[Row]) -> None:
 
 
 def fitted(curve: Row, law: str, prefix: str = "") -> Row:
-    """Return the parameters of a fit with their intervals."""
+    """Return the parameters of a fit with their intervals, the root mean square of its
+    residuals, and chi square per degree of freedom."""
     fit = curve["fits"][law]
     row: Row = {}
     for name, value in fit["values"].items():
@@ -61,6 +62,9 @@ def fitted(curve: Row, law: str, prefix: str = "") -> Row:
             row[f"{prefix}{name}_low"], row[f"{prefix}{name}_high"] = fit[
                 "intervals_95"
             ][name]
+    for name in ("rms_residual", "chi_square"):
+        if fit[name] is not None:
+            row[prefix + name] = fit[name]
     return row
 
 
@@ -69,7 +73,7 @@ def points(*sweeps: str) -> list[Row]:
     at each speed or force."""
     rows = []
     for curve in [curve for sweep in sweeps for curve in curves(sweep)]:
-        label = {k: v for k, v in curve.items() if not isinstance(v, (list, dict))}
+        label = {k: v for k, v in curve.items() if isinstance(v, (str, int, float))}
         unknown = [None] * len(curve["x"])
         deviations = curve["standard_deviation"] or unknown
         half_widths = curve["half_width_95"] or unknown
