@@ -4,6 +4,7 @@ and dense matrices."""
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from taichi_disk.fields import Triangles, stress
 from taichi_disk.integrators import TRAPEZOIDAL, VELOCITY_VERLET
 from taichi_disk.lattice import Lattice, bulk_moduli
 from taichi_disk.lattice.network import largest_eigenvalue
+from taichi_disk.output.files import write_lattice
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.observables import INDEX
 from taichi_disk.statics.equilibrium import solve_equilibrium
@@ -312,8 +314,27 @@ REPEATED = {
 
 
 @pytest.mark.parametrize("name", REPEATED)
-def test_a_run_repeated_from_its_lattice_file_is_the_same_bit_for_bit(tmp_path, name):
+def test_a_scene_repeated_from_its_lattice_file_starts_the_same(tmp_path, name):
     kind, changes = REPEATED[name]
+    scene = load_scene(kind).with_(changes)
+    body = scene.body()
+    first = scene.scenario(body)
+    file = str(tmp_path / "lattice.npz")
+    unloaded = body.positions[: body.disk_points]
+    write_lattice(Path(file), first.lattice, first.velocities, unloaded)
+    own = scene.with_({"lattice.file": file, "lattice.velocities": file})
+    again = own.scenario()
+    assert vars(again.lattice).keys() == vars(first.lattice).keys()
+    for array, values in vars(first.lattice).items():
+        assert np.array_equal(getattr(again.lattice, array), values)
+    assert (again.velocities == first.velocities).all()
+    for number in ("point_force", "max_time", "sample_interval", "view"):
+        assert getattr(again, number) == getattr(first, number)
+    assert again.scene.with_(lattice={"file": "none", "velocities": "none"}) == scene
+
+
+def test_a_run_repeated_from_its_lattice_file_is_the_same_bit_for_bit(tmp_path):
+    kind, changes = REPEATED["wall"]
     scene = load_scene(kind).with_(changes)
     first = run(scene, tmp_path / "first", video=False, lattices=1)
     file = str(tmp_path / "first" / "lattice.npz")
@@ -322,7 +343,6 @@ def test_a_run_repeated_from_its_lattice_file_is_the_same_bit_for_bit(tmp_path, 
     assert again.numbers == first.numbers
     for column, values in first.series.items():
         assert (again.series[column] == values).all()
-    assert (again.velocities == first.velocities).all()
 
 
 def test_what_belongs_to_points_stays_with_them_however_they_are_numbered(tmp_path):
@@ -350,10 +370,7 @@ def test_what_belongs_to_points_stays_with_them_however_they_are_numbered(tmp_pa
         path = str(tmp_path / f"{name}.npz")
         np.savez(path, **content)
         scene = load_scene("exponential_wall").with_(
-            {"lattice.file": path, "lattice.velocities": path, "wall.friction": 0.2}
+            {"lattice.file": path, "lattice.velocities": path}
         )
         found.append(run(scene, lattices=1).numbers)
-        bare = Lattice.from_points(content["positions"], masses=content["masses"])
-        found.append(run(scene.with_({"lattice.file": "none"}), lattice=bare).numbers)
-    for plain, other in zip(found[:2], found[2:], strict=True):
-        assert other == pytest.approx(plain, rel=1e-9)
+    assert found[1] == pytest.approx(found[0], rel=1e-9)
