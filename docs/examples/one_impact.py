@@ -12,7 +12,9 @@ scene = load_scene("exponential_wall").with_(
 )
 result = run(scene)
 
-print(f"restitution  {result.restitution:.5f} +- {result.error:.1g} (time step)")
+e = result.summary["lattices"]["restitution"]  # over eight random lattices
+low, high = e["interval_95"]
+print(f"restitution  {e['mean']:.4f}, 95 % interval {low:.4f} to {high:.4f}")
 print(f"contact time {result.contact_time:.3f} R/c")
 
 series = result.series  # the columns of timeseries.csv
