@@ -257,7 +257,7 @@ class Compression(Scenario):
             symbol="ξ",
             labels=LABELS,
             measured=MEASURED,
-            marks=("ξ = {xi:.6g} R", ""),
+            marks=("ξ = {xi:.3g} R", ""),
             motion="compression ξ  [R]",
             momentary=("compression ξ", "R"),
             quality=("largest force on\na point  [Mc²/R]", "log"),
@@ -315,7 +315,7 @@ class Loading(Compression):
 
 
 def _shown(xi: float) -> str:
-    return f"ξ = {round(xi, 6) + 0.0:.6f} R"  # no "-0"
+    return f"ξ = {round(xi, 4) + 0.0:.4f} R"  # no "-0"
 
 
 def paper_compression(

@@ -392,7 +392,7 @@ class ImpactScenario(Scenario):
             symbol="e",
             labels=LABELS,
             measured=MEASURED,
-            marks=("e = {restitution:.4f}", "contact time {contact_time:.4g} R/c"),
+            marks=("e = {restitution:.3f}", "contact time {contact_time:.4g} R/c"),
             motion=motion,
             quality=("energy imbalance\n/ initial kinetic", "linear"),
             end="the disk has left",

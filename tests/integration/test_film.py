@@ -307,7 +307,7 @@ def test_the_film_holds_at_the_greatest_compression_and_ends_with_the_result(
     scenario = run.scenario
     outcome = run
     film(tmp_path / "film.mp4", [run], video(seconds=4), QUIET)
-    result = f"e = {scenario.result(outcome.series)['restitution']:.4f}"
+    result = f"e = {scenario.result(outcome.series)['restitution']:.3f}"
     words = captions()
     _, end = contact_of(run)
     assert [one.result for one in words[-7:]] == 7 * [result]
@@ -530,7 +530,7 @@ def test_by_default_a_film_magnifies_the_flattening_to_a_twentieth_of_r_and_says
 def test_a_compression_begins_with_no_minus_before_its_zero():
     scenario = load_scene("compression", ["lattice.points=60"]).scenario()
     row = {"t": 0.0, "com_y": scenario.unloaded + 1e-9, "lowest_y": 0.0}
-    assert scenario.caption(row)[-1] == "ξ = 0.000000 R"
+    assert scenario.caption(row)[-1] == "ξ = 0.0000 R"
 
 
 @needs_vulkan
@@ -700,7 +700,7 @@ def test_the_film_of_a_loading_shows_the_fraction_of_the_load_and_moves_without_
     assert words[0].note == ""
     assert parts == sorted(parts)
     assert parts[-5:] == [100.0] * 5
-    assert words[-1].result == f"ξ = {pressed.xi:.6g} R"
+    assert words[-1].result == f"ξ = {pressed.xi:.3g} R"
     steps = np.abs(np.diff(pictures_in(tmp_path / "frames")[:, 70:180], axis=0)).mean(
         axis=(1, 2, 3)
     )

@@ -383,7 +383,8 @@ def test_on_paper_no_circle_is_an_ellipse_and_forced_colours_leave_the_picture(
 ):
     opened(browser, folder / "film.html", (834, 640))
     stretched = """return [...document.querySelectorAll('canvas')].filter(e =>
-        Math.abs(e.width / e.height - e.clientWidth / e.clientHeight) > 0.02).length"""
+        Math.abs(e.width / e.height / e.clientWidth * e.clientHeight - 1) > 0.02)
+        .length"""
     features = [
         {"name": "forced-colors", "value": "active"},
         {"name": "prefers-color-scheme", "value": "dark"},

@@ -150,7 +150,7 @@ def emulated(browser: Browser, **media: Any) -> Iterator[None]:
 STRETCHED = """
 return [...document.querySelectorAll("canvas")].filter((one) =>
   one.checkVisibility() && Math.abs(
-  one.width / one.height - one.clientWidth / one.clientHeight) > 0.03).length"""
+  one.width / one.height / one.clientWidth * one.clientHeight - 1) > 0.03).length"""
 
 
 @pytest.mark.validate

@@ -78,7 +78,7 @@ def test_an_impact_shows_velocity_force_and_energies_with_the_same_bytes_twice(
     last = columns["com_vy"][-1] / scenario.velocity
     assert curve.get_ydata()[[0, -1]] == pytest.approx([-1.0, last])
     assert list(mark.get_ydata()) == pytest.approx([last] * 2)
-    assert [text.get_text() for text in motion.texts] == [f"e = {e:.4f}"]
+    assert [text.get_text() for text in motion.texts] == [f"e = {e:.3f}"]
     assert "contact" in force.texts[0].get_text()
     assert np.array_equal(force.lines[0].get_ydata(), columns["wall_force"])
     shown = {line.get_label(): line.get_ydata() for line in energy.lines}
@@ -127,7 +127,7 @@ def test_a_loading_shows_load_and_energy_against_the_compression_and_the_law(
         [p * (np.log(1.0 / p) - (1.0 + nu) / 4.0), 1e-2]
     )
     assert [text.get_text() for text in force.texts] == [
-        f"ξ = {columns['xi'][-1]:.6g} R"
+        f"ξ = {columns['xi'][-1]:.3g} R"
     ]
     assert "[R/c]" not in energy.get_xlabel()
     assert energy.get_xlabel().endswith("[R]")
