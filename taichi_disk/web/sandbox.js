@@ -4,7 +4,7 @@
 import { Controls } from "./controls.js";
 import { Drawing } from "./draw.js";
 import { followPointers, grip } from "./gestures.js";
-import { Graphs, legend } from "./graphs.js";
+import { Graphs, LETTERS, legend } from "./graphs.js";
 import { checked, download, element, elements, recall, remember } from "./html.js";
 import { unpacked } from "./message.js";
 import { asText, showDiagram, showResults } from "./results.js";
@@ -31,7 +31,6 @@ const IDLE_TIME = 3000; // after which the projector's controls fade [ms]
 const LARGE_HEIGHT = 540; // of a picture, over the factor of its letters [px]
 const LEGEND_ROW = 720; // width that the legend's row needs [px]
 const LETTER_PART = 0.009; // least size of letters in a page's height
-const LETTERS = 12; // their usual size [px]
 const QUESTION = /^(.+?\?) (.+)$/; // of a scene, and its answer
 const THEME = "taichi-disk theme"; // name under which the visitor's theme is stored
 const DARK = matchMedia("(prefers-color-scheme: dark)");

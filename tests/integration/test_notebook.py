@@ -6,6 +6,7 @@ from __future__ import annotations
 import asyncio
 import builtins
 import re
+import shutil
 import socket
 import subprocess
 import sys
@@ -163,6 +164,18 @@ JUPYTERLAB = (
     if find_spec("jupyterlab") is None
     else MISSING
 )
+
+
+@pytest.mark.skipif(not shutil.which("node"), reason="no node")
+def test_the_widget_s_modules_use_no_name_twice(tmp_path: Path) -> None:
+    script = tmp_path / "widget.mjs"
+
+    async def act(sandbox: Any, *_: Any) -> None:
+        script.write_text(sandbox._esm, encoding="utf-8")
+
+    played(["lattice.points=60"], act)
+    done = subprocess.run(["node", "--check", script], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.validate
