@@ -112,6 +112,7 @@ class Common:
         cards: what a page's list shows of each scene.
         kernels, memory: shared by their sandboxes.
         address: at which others can join, "" if they cannot.
+        code: picture of its QR code.
         board: the undisturbed experiments of all sessions, the newest last, each with
             number and name of its disk; the first MAX_BOARD of them.
     """
@@ -121,6 +122,11 @@ class Common:
     ) -> None:
         """Raises TaichiDiskError if a scene of the program's cannot be read."""
         self.address = address
+        self.code = ""
+        if address:
+            import segno  # an import that few need
+
+            self.code = segno.make(address, error="l", micro=False).svg_data_uri()
         self.playlist = playlist
         self.first = playlist[0].load()
         self.cards = [_card(entry) for entry in playlist]
@@ -144,16 +150,6 @@ class Common:
         if len(self.board) < MAX_BOARD:
             row = {"disk": disk, "player": player}
             self.board.append(row | experiment._asdict())
-
-    @property
-    def invitation(self) -> dict[str, str]:
-        """The address and a picture of its QR code, "" if nobody can join."""
-        code = ""
-        if self.address:
-            import segno  # an import that few need
-
-            code = segno.make(self.address, error="l", micro=False).svg_data_uri()
-        return {"address": self.address, "code": code}
 
 
 class Later(BaseException):
@@ -211,7 +207,8 @@ class Session:
             "curves": CURVES,
             "keys": self.controls.reference,
             "repeating": REPEATING_KEYS,
-            **common.invitation,
+            "address": common.address,
+            "code": common.code,
         }
         self._write("hello", 0, lambda: hello)
         self.advance()
@@ -234,7 +231,7 @@ class Session:
         """Take a name for the class's board: at most MAX_NAME letters, no digits, so
         that it cannot be that of another disk."""
         letters = [one for one in normalize("NFKC", text) if _is_of_name(one)]
-        self.name = "".join(letters)[:MAX_NAME].strip()
+        self.name = "".join(letters)[:MAX_NAME].strip(" -'")
 
     def _report(self, experiment: Experiment) -> None:
         self._common.report(self.disk, self.name or f"disk {self.disk}", experiment)

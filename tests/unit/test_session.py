@@ -56,8 +56,8 @@ def panel(session: Session) -> dict[str, Any]:
 
 @pytest.mark.parametrize("address", ["", "http://192.0.2.1:8000/23456789/"])
 def test_a_page_knows_how_others_join_if_they_can(common: Common, address: str) -> None:
-    common.address = address
-    hello = json.loads(Session(common).messages["hello"])
+    shared = Common(common.playlist, common.kernels, address)
+    hello = json.loads(Session(shared).messages["hello"])
     assert hello["address"] == address
     assert hello["code"].startswith("data:image/svg+xml") == bool(address)
 
