@@ -124,6 +124,8 @@ def test_each_page_has_a_disk_of_its_own_and_gets_it_back(common: Common) -> Non
         assert again.texts["panel"] == twin.texts["panel"]
         twin.leave()
         assert len(audience.seats) == 3
+        stranger.say("alive")
+        assert "alive" in stranger.texts and "alive" not in again.texts
 
     visit(common, act)
 
