@@ -608,7 +608,7 @@ sandbox.showPanel = (panel) => {
     fraction: panel.again,
     t: sandbox.state.t,
     end: data.t.at(-1),
-    force: Math.max(...data.values[5]),
+    force: Math.max(...data.values.at(-2)),
     isGrey: getComputedStyle(sandbox.ui.disk).filter.includes("grayscale"),
     hasBar: sandbox.ui.again.checkVisibility(),
   });

@@ -315,6 +315,32 @@ def test_kernels_are_compiled_while_nobody_plays(
     visit(common, act)
 
 
+def test_a_page_that_leaves_while_its_film_is_made_leaves_no_error(
+    common: Common, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    async def broken(_: Any) -> str:
+        try:
+            await asyncio.sleep(20.0)
+        finally:
+            raise ValueError("flush of closed file")
+
+    monkeypatch.setattr(pages, "make_film", broken)
+
+    async def act(audience: Audience) -> None:
+        player = Reader(audience)
+        await drawn(player)
+        player.say("film")
+        await drawn(player)
+        film = player.page.film
+        assert film and player.texts["session"]["awaitsFilm"]
+        player.leave()
+        await asyncio.wait([film], timeout=10.0)
+        assert film.done() and player.sandbox.message == ""
+
+    visit(common, act)
+    assert capfd.readouterr().err == ""
+
+
 @pytest.mark.validate
 def test_the_disk_goes_on_while_a_film_is_made_for_its_page(common: Common) -> None:
     async def act(audience: Audience) -> None:
