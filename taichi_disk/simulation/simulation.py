@@ -90,7 +90,7 @@ class Simulation:
         self.model = deepcopy(model)
         self.generation = 0
         self._program = engine.program()
-        self.features = compiled_for(lattice, model)
+        self.features = compiled_for(lattice, model, integrator)
         self.model.springs.prepare_for(lattice)
         arrangement = arrange(lattice.bonds, len(lattice.positions))
         factor = self._factor(lattice, model, dt)
@@ -151,7 +151,7 @@ class Simulation:
         """
         if (
             integrator is not self.integrator
-            or compiled_for(lattice, model) != self.features
+            or compiled_for(lattice, model, integrator) != self.features
         ):
             return False
         arrangement = self._arrangement
@@ -170,7 +170,7 @@ class Simulation:
     def _factor(self, lattice: Lattice, model: Model, dt: float) -> Dashpots:
         if not (model.springs.damped and self.integrator.dashpots == "implicit"):
             return None
-        if iterates(lattice, model):
+        if iterates(lattice, model, self.integrator):
             return diagonal(lattice, model, dt)
         return factorise(lattice, model, dt)
 
@@ -364,7 +364,11 @@ class KernelCache:
         began = perf_counter()
         # a small lattice and one for several cores keep a simulation each
         is_parallel = len(lattice.positions) >= PARALLEL_FROM
-        key = (compiled_for(lattice, model), integrator.name, is_parallel)
+        key = (
+            compiled_for(lattice, model, integrator),
+            integrator.name,
+            is_parallel,
+        )
         known = self._known.get(key)
         arguments = lattice, model, integrator, velocities, dt
         if known is None or not known.is_alive or not known.restart(*arguments):
@@ -387,14 +391,21 @@ def shared_kernels() -> KernelCache:
     return _kernels_of(engine.program())
 
 
-def compiled_for(lattice: Lattice, model: Model) -> tuple[Any, ...]:
-    return model.signature(), lattice.stiffness is None, iterates(lattice, model)
+def compiled_for(
+    lattice: Lattice, model: Model, integrator: Integrator
+) -> tuple[Any, ...]:
+    return (
+        model.signature(),
+        lattice.stiffness is None,
+        iterates(lattice, model, integrator),
+    )
 
 
-def iterates(lattice: Lattice, model: Model) -> bool:
+def iterates(lattice: Lattice, model: Model, integrator: Integrator) -> bool:
     """Whether conjugate gradients solve for implicit dashpots, because the lattice is
     too large for a factor."""
-    return model.springs.damped and len(lattice.positions) > LARGEST_FACTORISED
+    is_large = len(lattice.positions) > LARGEST_FACTORISED
+    return is_large and model.springs.damped and integrator.dashpots == "implicit"
 
 
 def _contact_force(lattice: Lattice, model: Model, v: Array) -> float:

@@ -28,7 +28,7 @@ from taichi_disk.physics import (
 )
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.observables import INDEX
-from taichi_disk.simulation.simulation import KernelCache, Simulation
+from taichi_disk.simulation.simulation import KernelCache, Simulation, compiled_for
 from taichi_disk.simulation.stepping import SUMS
 
 SMALL = ("lattice.points=60", "wall.points=80", "wall.width=3.0")
@@ -244,3 +244,13 @@ def test_a_simulation_does_not_become_one_of_other_laws_or_of_no_room(kernels):
     assert not simulation.restart(big, FALLING, VV, 0 * big.positions, 1e-3)
     assert (simulation.generation, simulation.step_number) == (generation, 10)
     assert_array_equal(simulation.now, row)
+
+
+def test_only_implicit_dashpots_of_a_large_lattice_need_other_kernels():
+    small = disk(30)
+    large = replace(small, positions=np.zeros((5_000, 2)))
+    model = damped(0.1)
+    assert compiled_for(large, model, VV) == compiled_for(small, model, VV)
+    assert compiled_for(large, model, TRAPEZOIDAL) != compiled_for(
+        small, model, TRAPEZOIDAL
+    )
