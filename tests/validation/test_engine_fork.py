@@ -96,3 +96,40 @@ def test_the_fork_computes_bitwise_the_same_and_films_with_hard_lines(
         assert (
             film < (tmp_path / "taichi-forge" / "video.mp4").stat().st_size < 9 * film
         )
+
+
+STEP = """
+from time import process_time
+from taichi_disk import load_scene, runtime
+from taichi_disk.integrators import VELOCITY_VERLET
+runtime.start(1)
+from taichi_disk.simulation.simulation import Simulation
+scenario = load_scene("exponential_wall").scenario()
+simulation = Simulation(
+    scenario.lattice, scenario.model, VELOCITY_VERLET, scenario.velocities, 2e-3
+)
+times = []
+for _ in range(8):
+    began = process_time()
+    simulation.advance(1000, 1000)
+    times.append(process_time() - began)
+print(min(times))
+"""
+
+
+@pytest.mark.validate
+def test_a_step_of_the_fork_takes_as_long_as_taichis(fork):
+    # by default, which compiles faster, it takes eleven times as long
+    seconds = [
+        float(
+            subprocess.run(
+                [python, "-c", STEP],
+                env=os.environ | {"PYTHONPATH": str(ROOT)},
+                capture_output=True,
+                text=True,
+                check=True,
+            ).stdout
+        )
+        for python in (sys.executable, fork)
+    ]
+    assert seconds[1] < 1.5 * seconds[0]
