@@ -125,8 +125,8 @@ def second_run(driver: Driver, progress: Progress = silent) -> SecondRun:
         others.append(other)
     errors = _errors(driver, others, _order(driver))
     if driver.scenario.model.reset_interval:
-        for name, change in _changes_by_turns(driver).items():
-            errors[name] += change
+        changes = _changes_by_turns(driver)
+        errors = {name: error + changes[name] for name, error in errors.items()}
     return SecondRun(errors, inverted)
 
 
@@ -239,8 +239,10 @@ def _changes_by_turns(driver: Driver) -> dict[str, float]:
     for angle in (PATH_TURN, -PATH_TURN):
         other = _turned(driver, angle)
         if other.has_ended:
-            for name, value in measured(driver.scenario, other.columns).items():
-                changes[name] = max(changes[name], abs(value - found[name]))
+            turned = measured(driver.scenario, other.columns)
+            for name in found.keys() & turned.keys():
+                change = abs(turned[name] - found[name])
+                changes[name] = max(changes[name], change)
     return changes
 
 

@@ -375,6 +375,7 @@ def test_no_tolerance_is_granted_to_results_that_do_not_fall(kernels):
         computed(kernels, *CHAOTIC, "time.tolerance=1e-3")
 
 
+@pytest.mark.validate
 def test_a_tolerance_is_not_met_by_results_that_agree_by_chance(kernels):
     # The motion is chaotic, but at short steps the error falls as its order says.
     scenario, outcome = computed(kernels, *AGREEING, "time.tolerance=1e-3")
