@@ -9,8 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import NOTICES, InputError
 from taichi_disk.output.artist import Artist
@@ -48,10 +46,9 @@ FORMATS = (".mp4", ".webm", ".gif", ".html", ".png", "")
 # times higher than the letters of their titles.
 _MIN_PANEL_SIZE = 360
 _MIN_PANEL_LINES = 20
-# Springs closer than this are left out of a GIF, where they take two thirds of the
-# bytes [px].
-_GIF_SPRINGS = 10.0
-_DISK_RADIUS = 0.31  # over the height of a picture
+# The springs of larger lattices are left out of a GIF, where they take two thirds of
+# the bytes and are less than 10 pixels apart.
+_GIF_POINTS = 800
 _LABEL_SIZE = 1.5  # size of a comparison's differing keys, relative to the title
 
 
@@ -107,7 +104,8 @@ def draw_film(
     metadata = film_origin(runs, video)
     if path.suffix == ".gif":
         fps = min(fps, GIF_FPS)
-        if video.draw == "both" and _spacing(runs) * size < _GIF_SPRINGS:
+        finest = max(run.scenario.lattice.disk_points for run in runs)
+        if video.draw == "both" and finest > _GIF_POINTS:
             video = replace(video, draw="field")
     flights = [Flight.of(run, video.flight) for run in runs]
     if path.suffix == ".png":
@@ -144,21 +142,11 @@ def draw_film(
     atomic_write(path, write)
 
 
-def _spacing(runs: Sequence[Run]) -> float:
-    """Return the distance of points in the finest lattice over a picture's height."""
-    finest = min(np.median(run.scenario.lattice.rest_lengths) for run in runs)
-    return float(finest) * _DISK_RADIUS
-
-
 def size_text(path: Path) -> str:
     """Return the size of a film or a folder of pictures in words."""
-    files = [path]
-    if path.is_dir():
-        files = list(path.iterdir())
-    size = sum(file.stat().st_size for file in files)
-    if size < 1e5:
-        return f"{size / 1e3:.0f} kB"
-    return f"{size / 1e6:.1f} MB"
+    files = [path, *path.glob("*")]
+    size = sum(file.stat().st_size for file in files if file.is_file())
+    return f"{size / 1e6:.2g} MB"
 
 
 def _note_lacking_letters(names: Sequence[tuple[str, ...]]) -> None:

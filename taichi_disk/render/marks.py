@@ -13,7 +13,8 @@ from taichi_disk.lattice import Array
 Ink = tuple[int, int, int]
 
 _SAMPLES = 4  # across a pixel
-_CIRCLE_CORNERS = 48
+_TURNS = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
+_CIRCLE = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1)
 # length of an arrow's head over half its width; most of it over the arrow's length
 _HEAD_LENGTH = 1.56
 _MAX_HEAD = 0.65
@@ -48,8 +49,7 @@ def arrows(feet: Array, vectors: Array, shaft: float, head: float) -> Array:
 
 def dot(centre: Array, radius: float) -> Array:
     """Return the corners (1, c, 2) of a circle [px]."""
-    turns = np.arange(_CIRCLE_CORNERS) * (2.0 * np.pi / _CIRCLE_CORNERS)
-    return centre + radius * np.stack([np.cos(turns), np.sin(turns)], axis=1)[None]
+    return centre + radius * _CIRCLE[None]
 
 
 def line(start: Array, end: Array, half: float) -> Array:

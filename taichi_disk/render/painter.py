@@ -46,9 +46,8 @@ _COARSE = 14.0
 _WEAK = 0.1
 _SLOW = 0.02
 _SEEN = 0.25  # largest opacity of springs on the field
-# approximate number of small triangles into which a coarse lattice is divided for
-# fringes
-_FRINGE_PARTS = 20_000
+# smallest number of triangles for fringes
+_FRINGE_PARTS = 8_000
 
 
 @dataclass
@@ -131,24 +130,18 @@ class Painter:
         levels = np.clip(normalised, 0.0, 1.0) * (LEVELS - 1) + 0.5
         return table[levels.astype(np.intp)]
 
-    def mesh(
-        self, x: Array, normalised: Array
-    ) -> tuple[Array, Array, NDArray[np.int32]]:
-        """Return points (k, 2), normalised values (k,) and triangles (t, 3), in which
-        colours vary linearly.
-
-        `x` (n, 2), `normalised` (n,): of the lattice's points. For fringes each
-            triangle of the lattice is subdivided.
-        """
+    def _fringes(
+        self, placed: Array, orders: Array
+    ) -> tuple[Array, NDArray[np.float32]]:
+        """Return the corners (t, 3, 2) of triangles into which those of the lattice are
+        divided, so that fringes are smooth, and their colours (3 t, 3)."""
         corners = self.triangles.triangles
-        if self.colour != "fringes":
-            return x, normalised, corners
-        parts = min(max(round(np.sqrt(_FRINGE_PARTS / max(len(corners), 1))), 1), 6)
-        weights, cells = subdivision(parts)
-        first = len(weights) * np.arange(len(corners), dtype=np.int32)
-        points = (weights @ x[corners]).reshape(-1, 2)
-        values = (normalised[corners] @ weights.T).ravel()
-        return points, values, (first[:, None, None] + cells).reshape(-1, 3)
+        points = placed[corners]
+        values = orders[corners]
+        while len(points) < _FRINGE_PARTS:
+            points = _quartered(points)
+            values = _quartered(values)
+        return points, self.colours(values.ravel())
 
     # ---- drawing
 
@@ -162,17 +155,18 @@ class Painter:
         camera: Camera,
         x: Array,
         v: Array,
+        placed: Array,
         unit: float = 1.0,
         is_soft: bool = False,
     ) -> None:
         """Draw the state on a `ti.ui.Canvas`.
 
         Args:
+            placed: where its points are drawn, see `placed`.
             unit: factor for the widths of lines, 1 in a picture of 720 pixels.
             is_soft: whether the window has this package's shaders, see
                 `offscreen.Window`.
         """
-        placed = self.placed(x)
         theme = THEMES[self.theme]
         pixel = 1.0 / camera.scale
         values = self.normalised(self.values(x, v))
@@ -237,17 +231,20 @@ class Painter:
         ink = _SEEN * min(max((spacing - _FINE) / (_COARSE - _FINE), 0.0), 1.0)
         if self.draw != "both" or self.colour == "fringes":
             ink = 0.0
-        points, each, corners = self.mesh(placed, values)
-        colours = self.colours(each)
-        if ink and is_soft:
+        corners = self.triangles.triangles
+        colours = self.colours(values)
+        lines = self.lattice.bonds
+        if self.colour == "fringes":
+            points, inks = self._fringes(placed, values)
+            draw_triangles(canvas, _put(camera, points.reshape(-1, 2), inks))
+        elif ink and is_soft:
             width = 2.0 * max(_SPRING * unit, _MIN_SPRING)
-            out = _put(camera, points[corners.ravel()], colours[corners.ravel()])
-            out[:, 3:6] = _darkness(camera.scale * points[corners], ink, width)
+            out = _put(camera, placed[corners.ravel()], colours[corners.ravel()])
+            out[:, 3:6] = _darkness(camera.scale * placed[corners], ink, width)
             draw_triangles(canvas, out)
             lines = self.triangles.crossing
         else:
-            draw_triangles(canvas, _put(camera, points, colours), corners)
-            lines = self.lattice.bonds
+            draw_triangles(canvas, _put(camera, placed, colours), corners)
         if ink and len(lines):
             shade = (1.0 - ink) * colours[lines.ravel()]
             width = 2.0 * max(_SPRING * unit, _MIN_SPRING)
@@ -259,6 +256,8 @@ class Painter:
         theme = THEMES[self.theme]
         shapes = []
         for sides in (self.triangles.outline, self.triangles.interfaces):
+            if not len(sides):
+                continue
             inside = colours[sides]
             outside: Any = inside.mean(axis=1)
             if sides is self.triangles.outline:
@@ -269,10 +268,11 @@ class Painter:
             )
         return shapes
 
-    def marks(self, camera: Camera, x: Array, v: Array, unit: float) -> list[Mark]:
+    def marks(
+        self, camera: Camera, x: Array, v: Array, placed: Array, unit: float
+    ) -> list[Mark]:
         """Return the marks above the disk: the spoke, arrows of forces, and the arrow
         of the velocity of the centre of mass with a dot at its foot."""
-        placed = self.placed(x)
         theme = THEMES[self.theme]
         foot = self.lattice.mean(placed)
         centre = camera.to_pixels(foot)
@@ -403,19 +403,9 @@ def draw_triangles(
     canvas.canvas.triangles(get_field_info(vertices), indices, True, (0.0, 0.0, 0.0))
 
 
-def subdivision(parts: int) -> tuple[Array, NDArray[np.int32]]:
-    """Return the points and triangles of a triangle that is divided into parts x parts
-    smaller ones.
-
-    Points are weights (q, 3) of the corners, triangles are indices (parts^2, 3) of
-    points.
-    """
-    edge = parts + 1
-    number = np.arange(edge**2)
-    m, n = np.divmod(number, edge)
-    upright = number[m + n < parts, None] + [0, edge, 1]
-    turned = number[m + n < parts - 1, None] + [edge, edge + 1, 1]
-    triangles = np.concatenate([upright, turned])
-    used, corners = np.unique(triangles, return_inverse=True)
-    weights = np.stack([parts - m - n, m, n], axis=1)[used] / parts
-    return weights, corners.reshape(triangles.shape).astype(np.int32)
+def _quartered(corners: Array) -> Array:
+    """Divide triangles (t, 3, ...) into four equal ones each (4 t, 3, ...)."""
+    middles = 0.5 * (corners + np.roll(corners, -1, axis=1))
+    before = np.roll(middles, 1, axis=1)
+    outer = np.stack([corners, middles, before], axis=2)
+    return np.concatenate([middles, *np.moveaxis(outer, 1, 0)])

@@ -93,16 +93,14 @@ def arranged(
 def _touch(
     camera: Camera, disks: Sequence[Array], boxes: Sequence[Box], letters: Letters
 ) -> bool:
-    """Return whether a circle around a disk touches a word."""
-    for x in disks:
-        centre = x.mean(axis=0)
-        column, row = camera.to_pixels(centre)
-        radius = camera.scale * np.hypot(*(x - centre).T).max()
-        for left, right, top, bottom in boxes:
-            beside = max(left - column, column - right, 0.0)
-            above = max(top - row, row - bottom, 0.0)
-            if np.hypot(beside, above) < radius + _CLEAR * letters.unit:
-                return True
+    """Return whether a point of a disk lies on a word."""
+    columns, rows = camera.to_pixels(np.concatenate(disks)).T
+    clear = _CLEAR * letters.unit
+    for left, right, top, bottom in boxes:
+        is_beside = np.maximum(left - columns, columns - right) > clear
+        is_above = np.maximum(top - rows, rows - bottom) > clear
+        if not (is_beside | is_above).all():
+            return True
     return False
 
 
@@ -150,10 +148,7 @@ class Pictures:
         self.size = self._disks, height
         if panel:
             self.size = self._disks + panel.width, height
-        paces = {one.pace for one in disks[0].captions}
-        self._scales = Scales(
-            self._painters[0], self._disks, letters, camera.scale, paces
-        )
+        self._scales = Scales(self._painters[0], self._disks, letters, camera.scale)
         self._supersample = supersample
         self._rows, self._columns = _drawn(camera, view)
         self._whole = camera
@@ -185,9 +180,10 @@ class Pictures:
         is_soft = self._window.is_soft
         unit = self._letters.unit * self._supersample
         for painter, (_, x, v) in zip(self._painters, states, strict=True):
-            painter.paint(canvas, self._camera, x, v, unit, is_soft)
+            placed = painter.placed(x)
+            painter.paint(canvas, self._camera, x, v, placed, unit, is_soft)
             image = self._window.get_image_buffer_as_numpy()
-            marks = painter.marks(self._whole, x, v, self._letters.unit)
+            marks = painter.marks(self._whole, x, v, placed, self._letters.unit)
             drawn.append((image, marks))
         return drawn
 

@@ -8,7 +8,7 @@ stand in a band above it.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,8 +33,10 @@ from taichi_disk.render.painter import ARROW, FORCE_ARROW, Painter
 from taichi_disk.render.palette import THEMES, ink
 
 _MOST_BESIDE = 0.5  # largest width of changing words over the picture's
-_BAR_WIDTH = 0.34  # of the bar of colours over the picture's, and the least one
+# width of the bar of colours over the picture's, and the least one
+_BAR_WIDTH = 0.34
 _MIN_BAR_WIDTH = 0.08
+_BESIDE_BAR = 9.5  # room for words beside the bar, in units of the size of letters
 _ARROW = 0.1  # largest length of the scale's arrow over the height of the picture
 _GAP = 0.5  # least distance of two words, in units of the size of their letters
 
@@ -194,13 +196,11 @@ class Scales:
         width: int,
         letters: Letters,
         scale: float,
-        paces: Collection[Sequence[str]] = (),
     ) -> None:
         """
         Args:
             width: of all disks together [px].
             scale: pixels per R.
-            paces: all texts of which `pace_lines` will be asked.
         """
         self._painter = painter
         self._width = width
@@ -212,10 +212,9 @@ class Scales:
         self._words_row = self._numbers_row + 1.55 * size
         self._tip = letters.margin  # column of the tip of the arrow [px]
         self.lines: list[Line] = []
-        widest = max([letters.small.width(lines[0]) for lines in paces if lines] or [0])
-        beside = letters.margin + widest + 2.5 * size
-        room = min(_BAR_WIDTH * width, width - 2.0 * beside)
-        self._bar_width = round(max(room, _MIN_BAR_WIDTH * width))
+        room = width - 2.0 * (letters.margin + _BESIDE_BAR * size)
+        bar_width = max(min(_BAR_WIDTH * width, room), _MIN_BAR_WIDTH * width)
+        self._bar_width = round(bar_width)
         self._left = (width - self._bar_width) // 2
         if letters.has_words:
             self._add_colours()

@@ -43,7 +43,7 @@ def shoot(tmp_path_factory):
         painter = Painter(lattice, Springs(), wall, **look)
         if v is None:
             v = np.zeros_like(x)
-        painter.paint(window.get_canvas(), camera, x, v, unit)
+        painter.paint(window.get_canvas(), camera, x, v, painter.placed(x), unit)
         return (
             window.get_image_buffer_as_numpy()[..., :3]
             .transpose(1, 0, 2)[::-1]

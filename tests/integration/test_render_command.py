@@ -67,7 +67,7 @@ def test_two_runs_are_shown_side_by_side(runs, tmp_path, capsys):
         main(["render", str(runs[0]), "--compare", str(runs[1]), "--out", str(path)])
         == 0
     )
-    size = f"{path.stat().st_size / 1e3:.0f} kB"
+    size = f"{path.stat().st_size / 1e6:.2g} MB"
     assert f"picture in {path}, {size}\n" in capsys.readouterr().out
     left, right = np.split(np.asarray(Image.open(path)).astype(float), 2, axis=1)
     # two are 16 : 9

@@ -179,7 +179,7 @@ def test_words_of_the_scales_do_not_overlap(size, factor, colour):
     letters = Letters(size, factor)
     arrows = painter(colour=colour, limit=0.015)
     pace = ("1 s = 5.3 R/c", "slow motion")
-    below = Scales(arrows, size, letters, 80.0 * size / 720, {pace, pace[:1]})
+    below = Scales(arrows, size, letters, 80.0 * size / 720)
     drawn = [*below.lines, *below.pace_lines(pace)]
     texts = [line.text for line in drawn]
     assert "1 s = 5.3 R/c" in texts
