@@ -88,7 +88,11 @@ def points(*sweeps: str) -> list[Row]:
 def compression() -> None:
     default = {"a": 300.0, "points": 1099, "rim": True, "min_spacing": 0.7}
     rows = []
-    for curve in [*curves("figure2")[:1], *curves("figure2_variants")]:
+    for curve in [
+        *curves("figure2")[:1],
+        *curves("figure2_lattices"),
+        *curves("figure2_variants"),
+    ]:
         setting = {key: curve.get(key, value) for key, value in default.items()}
         rows.append(setting | {"lattices": curve["lattices"]} | fitted(curve, "eq2"))
         rows[-1] |= fitted(curve, "eq2_nominal", "nominal_")

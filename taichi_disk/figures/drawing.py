@@ -47,6 +47,7 @@ FONT: dict[Any, Any] = {
 }
 NAME_HEIGHT = 9.0  # of a name at the end of a curve [pt]
 MAX_LABEL = 26  # number of letters up to which two columns of a legend fit
+MAX_LINE = 56  # number of letters in a line of the caption
 MAX_SHIFT = 14.0  # by which it may stand higher than the end [pt]
 METADATA: dict[str, dict[str, Any]] = {
     "png": {"Software": None},
@@ -233,14 +234,15 @@ def _draw_laws(ax: Axes, layout: Layout, curve: Curve, colour: Any) -> None:
 
 def _caption(curves: Sequence[Curve]) -> str:
     """Say what the bars are, and which laws fail."""
-    sentences = []
+    lines = []
     counts = set()
     for curve in curves:
         counts.update(np.isfinite(curve.y).sum(axis=0).tolist())
     counts.discard(1)
     if counts:
         lattices = " or ".join(map(str, sorted(counts)))
-        sentences.append(f"Bars: 95 % interval of the mean, {lattices} lattices.")
+        lines.append(f"Bars: 95 % interval of the mean, {lattices} lattices.")
+    failures = []
     for name, law in LAWS.items():
         tried = [curve for curve in curves if law.line and name in curve.fits]
         failing = [curve for curve in tried if not curve.fits[name].holds]
@@ -250,8 +252,10 @@ def _caption(curves: Sequence[Curve]) -> str:
                 labels = [curve_label(curve.label) for curve in failing]
                 where = f" for {'; '.join(labels)}"
             title = law.title[0].upper() + law.title[1:]
-            sentences.append(f"{title} fails{where}.")
-    return fill(" ".join(sentences), 56)
+            failures.append(f"{title} fails{where}.")
+    if failures:
+        lines.append(fill(" ".join(failures), MAX_LINE))
+    return "\n".join(lines)
 
 
 def curve_label(label: dict[str, Any]) -> str:
