@@ -360,7 +360,8 @@ def test_the_disk_goes_on_while_a_film_is_made_for_its_page(common: Common) -> N
         await drawn(player, other)
         assert "film" not in other.texts
         assert not player.texts["session"]["awaitsFilm"]
-        player.sandbox.set("impact.max_time", 0.1)  # `run` fails
+        sandbox = player.sandbox
+        sandbox.scene = sandbox.scene.with_({"impact.max_time": 0.1})  # `run` fails
         player.say("film")
         while "max_time" not in player.texts["panel"]["message"]:
             await player.draw(1)
