@@ -1,0 +1,70 @@
+"""The curves beside a film: where their values are, in their colours, with whole
+words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taichi_disk.output.panel import PanelScene, draw_panel
+from taichi_disk.output.plot import TimeCurve
+from taichi_disk.render.palette import THEMES
+
+NAMES = ("flight", "vibration", "elastic", "wall", "dashpots", "boundary", "friction")
+COLOURS = ("#00806A", "#1A1A1E", "#C23F00", "#8F6500", "#1F6FB5", "#8E5BC0", "#882255")
+
+
+def scene(energies=1, letter=20.0, size=(560, 720)):
+    t = np.linspace(0.0, 1.0, 2 * size[0])
+    curves = [
+        TimeCurve(0, 2.0 * t - 1.0, "", COLOURS[0]),
+        TimeCurve(1, 1.0 - t, "", COLOURS[1]),
+    ]
+    for k in range(energies):
+        values = t ** (k + 1)
+        curves.append(TimeCurve(2, values, NAMES[k], COLOURS[k], "-"))
+    labels = ["velocity of the centre  [v]", "wall force  [Mc²/R]", "energy  [Mc²]"]
+    colours = vars(THEMES["light"]) | {"coming": "#B8B8B7"}
+    return PanelScene(t, curves, labels, "time  [R/c]", size, letter, colours)
+
+
+def test_a_curve_is_at_the_row_of_its_value_grey_before_and_coloured_after():
+    shown = scene()
+    pictures = draw_panel(shown)
+    for curve, box in zip(shown.curves, pictures.boxes, strict=True):
+        left, right, top, bottom = box
+        ink = np.array([*bytes.fromhex(curve.colour[1:])])
+        low = curve.values.min()
+        # Matplotlib's margin above and below the values
+        margin = 0.07 * np.ptp(curve.values)
+        scale = (bottom - top) / (np.ptp(curve.values) + 2.0 * margin)
+        for part in (0.2, 0.5, 0.8):
+            column = left + round(part * (right - left))
+            value = np.interp(
+                (column + 0.5 - left) / (right - left), shown.t, curve.values
+            )
+            row = bottom - (value - low + margin) * scale
+            off = np.abs(pictures.past[top:bottom, column, :3].astype(int) - ink)
+            found = np.flatnonzero(off.sum(axis=1) < 40) + top
+            assert found.mean() + 0.5 == pytest.approx(row, abs=1.0)
+            grey = pictures.coming[found, column, :3].astype(int)
+            assert np.abs(grey - [184, 184, 183]).max() < 20
+
+
+@pytest.mark.parametrize("energies", [2, 5, 7])
+@pytest.mark.parametrize(("letter", "height"), [(20.0, 720), (30.0, 720), (11.0, 360)])
+def test_no_word_of_a_panel_is_cut(energies, letter, height):
+    size = round(height * 7 / 9), height
+    panel = draw_panel(scene(energies, letter, size)).coming[..., :3]
+    for edge in (panel[0], panel[-1], panel[:, 0], panel[:, -1]):
+        assert (edge == panel[0, 0]).all()
+
+
+def test_lines_of_energies_differ_where_a_name_does():
+    shown = scene(2)
+    dashed = replace(shown.curves[-1], style="--")
+    drawn = draw_panel(replace(shown, curves=[*shown.curves[:-1], dashed]))
+    whole = draw_panel(shown)
+    assert (drawn.past != whole.past).any()
