@@ -286,6 +286,16 @@ def test_a_wide_hole_stays_open_and_a_notch_is_what_the_springs_leave():
     ).whole
 
 
+def test_a_hole_of_five_springs_is_open():
+    # circles through points of the hexagonal lattice: around a point, sqrt(7) springs in
+    # radius, and around the middle of a triangle sqrt(16/3)
+    wide = ROUND[np.hypot(*ROUND.T) > 2.5 / 8]
+    assert len(holes_of(Lattice.from_points(wide))) == 1
+    middle = np.array([1.0, np.sqrt(1 / 3)]) / 16
+    narrow = ROUND[np.hypot(*(ROUND - middle).T) > 2.2 / 8]
+    assert holes_of(Lattice.from_points(narrow)) == []
+
+
 def test_custom_triangles_stiffness_and_masses_follow_their_points_and_springs():
     i = np.arange(81)
     column, row = np.divmod(np.arange(81), 9)

@@ -77,6 +77,7 @@ def test_a_file_makes_a_lattice_and_a_note(tmp_path, encoding, suffix):
         ("x,y\n\n# note\n0,0\n1\n", "line 5 has 1 columns instead of 2 (1)"),
         ("x,y\n0;0\n1;0\n", "line 2 has 1 columns instead of 2 (0;0)"),
         ("# y x\n0 1\n", "line 1 may name columns behind #: remove the # or the line"),
+        ("# r, y\n0 1\n", "line 1 may name columns behind #"),
         ("x y\n# Mass [kg]\n0 1\n", "line 2 may name columns behind #"),
         ("0,5, 1,2\n", "line 1 has 4 numbers and no names (0 | 5 | 1 | 2)"),
         ("x,y\n0,0\n,1\n", "line 3 lacks a number ( | 1)"),
