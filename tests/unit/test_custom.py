@@ -287,8 +287,8 @@ def test_a_wide_hole_stays_open_and_a_notch_is_what_the_springs_leave():
 
 
 def test_a_hole_of_five_springs_is_open():
-    # circles through points of the hexagonal lattice: around a point, sqrt(7) springs in
-    # radius, and around the middle of a triangle sqrt(16/3)
+    # circles through points of the hexagonal lattice: around a point, sqrt(7) springs
+    # in radius, and around the middle of a triangle sqrt(16/3)
     wide = ROUND[np.hypot(*ROUND.T) > 2.5 / 8]
     assert len(holes_of(Lattice.from_points(wide))) == 1
     middle = np.array([1.0, np.sqrt(1 / 3)]) / 16
