@@ -235,7 +235,7 @@ MAX_RUNS = 4
 
 def check_runs(runs: Sequence[Run], labels: Sequence[str] = ()) -> None:
     for label in labels:
-        if not isinstance(label, str) or not label.isprintable():
+        if not isinstance(label, str) or not label.strip() or not label.isprintable():
             raise InputError(f"label {label!r:.60}: must be text that can be printed")
     if labels and len(labels) != len(runs):
         raise InputError(

@@ -888,3 +888,32 @@ def test_a_gif_is_small_unless_its_size_is_given(run, tmp_path):
     assert size["default"][0] == size["fine"][0] == 480
     assert size["given"][0] == 600
     assert size["default"][1] > 1.3 * size["given"][1]
+
+
+@needs_vulkan
+def test_few_words_are_title_read_out_and_scale(run, tmp_path):
+    shown = {}
+    for words in ("all", "few"):
+        path = tmp_path / f"{words}.png"
+        film(path, [run], video(words=words, size=480), QUIET)
+        shown[words] = np.asarray(Image.open(path)).astype(int)
+    ground = 255 * np.array(THEMES["light"].ground)
+    ink = {name: np.abs(one - ground).max(axis=2) > 60 for name, one in shown.items()}
+    assert ink["all"][36:120, :70].any()
+    assert not ink["few"][36:120, :70].any()
+    assert (shown["all"][:34, :200] == shown["few"][:34, :200]).all()
+
+
+@needs_vulkan
+def test_labels_in_strange_letters_are_named_and_broken_ones_refused(
+    run, tmp_path, caplog, monkeypatch
+):
+    from matplotlib import font_manager
+
+    monkeypatch.setattr(font_manager, "findSystemFonts", list)
+    labels = ["\u76e4 1", "b"]
+    film(tmp_path / "both.png", [run, run], video(), QUIET, Span(), labels)
+    assert "no font of this machine has the letters \u76e4" in caplog.text
+    for label in ("\udcff", 3, ""):
+        with pytest.raises(InputError, match="must be text that can be printed"):
+            film(tmp_path / "no.png", [run, run], video(), QUIET, Span(), ["a", label])
