@@ -57,16 +57,14 @@ SEARCH = 12  # how often the step is halved for a tolerance
 # Differences of results at three steps show the order of the error if their ratio is
 # the expected one within this factor.
 ORDER_MARGIN = 2.0
-# part of the tolerance within which results may differ without falling
-AGREEING = 0.1
 
 # A plain run warns if the estimated error exceeds this fraction of the result.
 SUSPICIOUS_ERROR = 1e-3
 # A start turned by CHAOS_TURN [rad] changes the result by this angle times a factor. It
-# is at most some ten in ordinary impacts. From CHAOTIC_FROM on, the step is halved at
-# most CHAOTIC_SEARCH times.
+# is at most some ten in ordinary impacts. From CHAOTIC_FROM on, results may agree by
+# chance, and the step is halved at most CHAOTIC_SEARCH times.
 CHAOS_TURN = 1e-10
-CHAOTIC_FROM = 1e3
+CHAOTIC_FROM = 100.0
 CHAOTIC_SEARCH = 8
 
 # A start turned by this angle [rad] moves the disk about as far as the errors of an
@@ -336,27 +334,11 @@ def within_tolerance(
             growth = growth_of_turn(driver)
             if growth >= CHAOTIC_FROM:
                 most = CHAOTIC_SEARCH
-        is_trustworthy = order > 1 or (
-            growth < CHAOTIC_FROM
-            and (_is_falling(runs) or error <= AGREEING * tolerance)
-        )
-        if error <= tolerance and is_trustworthy:
+        if error <= tolerance and (order > 1 or growth < CHAOTIC_FROM):
             again = _with_step(driver, driver.step.dt)
             states = contact_states(again, driver.columns)
             return last, SecondRun(errors, _most_inverted(again, states))
     raise SimulationError(_missed(scenario, runs[-1], halvings, error, left, growth))
-
-
-def _changes(runs: list[Driver]) -> tuple[float, float]:
-    """Return the changes of the primary result from the first to the second of three
-    runs, and on to the third."""
-    first, second, third = (run.scenario.primary(run.columns)[1] for run in runs)
-    return second - first, third - second
-
-
-def _is_falling(runs: list[Driver]) -> bool:
-    before, after = _changes(runs)
-    return abs(after) <= abs(before)
 
 
 def _order_shown(runs: list[Driver]) -> int:
@@ -365,10 +347,10 @@ def _order_shown(runs: list[Driver]) -> int:
     order = runs[0].step.integrator.order
     powers = [run.step.dt**order for run in runs]
     expected = (powers[0] - powers[1]) / (powers[1] - powers[2])
-    before, after = _changes(runs)
-    if abs(after) <= ROUNDING:
+    first, second, third = (run.scenario.primary(run.columns)[1] for run in runs)
+    if abs(third - second) <= ROUNDING:
         return 1
-    ratio = before / after / expected
+    ratio = (second - first) / (third - second) / expected
     if 1.0 / ORDER_MARGIN <= ratio <= ORDER_MARGIN:
         return order
     return 1

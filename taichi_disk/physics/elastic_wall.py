@@ -146,24 +146,27 @@ class ElasticWall(Wall):
         0 if none is there. The contact itself looks only for the spring below a point.
         """
         x, y = ti.static(state.x[0], state.x[1])
+        top = y[self.wall_surface[0]]
+        for k in range(1, self.count[1]):
+            top = ti.max(top, y[self.wall_surface[k]])
         deepest = 0.0
-        for n in range(self.count[0]):
-            i = self.disk_surface[n]
-            # A ray upwards from a point below the surface crosses it an odd number of
-            # times, however the surface is folded.
-            crossings = 0
-            nearest = ti.math.inf
-            for k in range(self.count[1] - 1):
-                p = self.wall_surface[k]
-                q = self.wall_surface[k + 1]
-                if (x[p] <= x[i]) != (x[q] <= x[i]):
-                    fraction = (x[i] - x[p]) / (x[q] - x[p])
-                    height = y[p] + fraction * (y[q] - y[p]) - y[i]
-                    if height > 0.0:
-                        crossings += 1
-                        nearest = ti.min(nearest, height)
-            if crossings % 2 == 1:
-                deepest = ti.max(deepest, nearest)
+        for i in range(state.n_disk[None]):
+            if y[i] < top:
+                # A ray upwards from a point below the surface crosses it an odd number
+                # of times, however the surface is folded.
+                crossings = 0
+                nearest = ti.math.inf
+                for k in range(self.count[1] - 1):
+                    p = self.wall_surface[k]
+                    q = self.wall_surface[k + 1]
+                    if (x[p] <= x[i]) != (x[q] <= x[i]):
+                        fraction = (x[i] - x[p]) / (x[q] - x[p])
+                        height = y[p] + fraction * (y[q] - y[p]) - y[i]
+                        if height > 0.0:
+                            crossings += 1
+                            nearest = ti.min(nearest, height)
+                if crossings % 2 == 1:
+                    deepest = ti.max(deepest, nearest)
         return deepest
 
     @ti.func
