@@ -255,7 +255,6 @@ class Session:
         return bool(
             self._pending
             or self._command
-            or sandbox.remaining_loads
             or sandbox.grip
             or sandbox.time.lead > 0.0
             or not sandbox.paused
