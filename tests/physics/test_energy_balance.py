@@ -219,7 +219,6 @@ def test_the_energy_that_a_point_loses_by_sliding_over_the_bent_wall_is_recorded
             {"absorbed", "dissipated"},
         ),
     ],
-    ids=str,
 )
 def test_losses_begin_at_0_and_grow_only_where_their_cause_acts(scene, causes, kernels):
     name, *settings = scene
