@@ -315,6 +315,18 @@ def test_kernels_are_compiled_while_nobody_plays(
     visit(common, act)
 
 
+def test_a_curve_is_collected_while_the_page_only_draws(common: Common) -> None:
+    async def act(audience: Audience) -> None:
+        one = Reader(audience)
+        await drawn(one)
+        one.say("collect")
+        while len(one.sandbox.results) < 2:
+            await one.draw(1)
+        assert not one.sandbox.paused
+
+    visit(common, act)
+
+
 def test_a_page_that_leaves_while_its_film_is_made_leaves_no_error(
     common: Common, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
