@@ -369,7 +369,7 @@ def test_the_addresses_of_the_network_and_of_the_name_are_printed_once(
         def getsockname(self) -> Any:
             return "192.0.2.1", 9
 
-    names = ("192.0.2.1", "127.0.1.1", "192.0.2.2")
+    names = ("127.0.1.1", "192.0.2.2", "192.0.2.2")
     rows = [(socket.AF_INET, 1, 6, "", (name, 0)) for name in names]
     with server._listen("0.0.0.0", 0) as listening:
         monkeypatch.setattr(server.socket, "socket", Probe)
