@@ -159,17 +159,6 @@ def test_numbers_are_printed_although_the_run_cannot_be_moved(
     assert {"summary.json", "final.npz"} <= names(folder)
 
 
-def test_export_notes_an_edited_scene(tmp_path, capsys):
-    assert main(arguments(tmp_path / "r", "lattice.points=30")) == 0
-    path = tmp_path / "r" / "scene.yaml"
-    text = path.read_text()
-    for added, is_noted in (("", False), ("1", True)):
-        path.write_text(text.replace("points: 30", f"points: 30{added}") + "\n")
-        capsys.readouterr()
-        assert main(["export", str(tmp_path / "r"), "--frames", "2"]) == 0
-        assert ("in summary.json" in capsys.readouterr().err) == is_noted
-
-
 def test_a_forced_blow_up_is_reported_and_the_last_good_state_saved(tmp_path, capsys):
     out = tmp_path / "o"
     assert main([*arguments(out, *WILD), "--force"]) == 1
@@ -371,14 +360,6 @@ def test_labels_may_be_words_of_one_option_or_options_of_their_own(monkeypatch):
     for text in ("--label one two", "--label one --label two"):
         main(["render", "a", "--compare", "b", *text.split()])
     assert [one.label for one in received] == [["one", "two"], ["one", "two"]]
-
-
-def test_a_folder_of_that_name_hides_no_shipped_scene(tmp_path, monkeypatch, capsys):
-    (tmp_path / "exponential_wall").mkdir()
-    monkeypatch.chdir(tmp_path)
-    assert main(["check", "exponential_wall"]) == 0
-    assert main(["view", "exponential_wall", "--host="]) == 2
-    assert "--host is empty" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -304,14 +304,6 @@ def cluster(tmp_path: Path) -> Iterator[Cluster]:
         kill(process)
 
 
-def test_dask_gives_the_same_bytes(
-    cluster: Cluster, scene: Path, expected: bytes, tmp_path: Path
-) -> None:
-    out = tmp_path / "out"
-    assert finish(scene, out, "--scheduler", cluster.address) == POINTS
-    assert (out / "points.csv").read_bytes() == expected
-
-
 def test_a_killed_dask_worker_and_a_killed_client(
     cluster: Cluster, scene: Path, expected: bytes, tmp_path: Path
 ) -> None:

@@ -14,7 +14,6 @@ from scipy.linalg import eigh
 
 from taichi_disk import run
 from taichi_disk.computation.outcome import compute
-from taichi_disk.computation.stability import spectrum
 from taichi_disk.fields import Triangles, stress
 from taichi_disk.integrators import TRAPEZOIDAL, VELOCITY_VERLET
 from taichi_disk.lattice import Lattice, bulk_moduli
@@ -130,19 +129,6 @@ def test_the_softest_vibration_of_a_composite_has_the_frequency_of_its_matrices(
         abs(omega / np.sqrt(eigh(K, np.eye(2 * n) / n, eigvals_only=True)[3]) - 1.0)
         > 0.05
     )
-
-
-def test_the_step_limit_of_a_non_uniform_body_is_sharp(kernels):
-    lattice = non_uniform(disk(60, height=1.0), 0.2, 3.0)
-    grown = []
-    v = 1e-6 * shaken(lattice, 2, 0.0)[1]
-    for part in (0.995, 1.005):
-        dt = part * 2.0 / spectrum(lattice, FREE).omega
-        simulation = kernels.simulation(lattice, FALLING, VELOCITY_VERLET, v, dt)
-        simulation.advance(2000)
-        grown.append(np.abs(simulation.positions() - lattice.positions).max())
-    assert grown[0] < 1e-4
-    assert not grown[1] < 1e-2
 
 
 def test_an_impact_of_a_ring_with_a_core_ends_with_its_energy_accounted_for(kernels):
@@ -331,18 +317,6 @@ def test_a_scene_repeated_from_its_lattice_file_starts_the_same(tmp_path, name):
     for number in ("point_force", "max_time", "sample_interval", "view"):
         assert getattr(again, number) == getattr(first, number)
     assert again.scene.with_(lattice={"file": "none", "velocities": "none"}) == scene
-
-
-def test_a_run_repeated_from_its_lattice_file_is_the_same_bit_for_bit(tmp_path):
-    kind, changes = REPEATED["wall"]
-    scene = load_scene(kind).with_(changes)
-    first = run(scene, tmp_path / "first", video=False, lattices=1)
-    file = str(tmp_path / "first" / "lattice.npz")
-    own = scene.with_({"lattice.file": file, "lattice.velocities": file})
-    again = run(own, lattices=1)
-    assert again.numbers == first.numbers
-    for column, values in first.series.items():
-        assert (again.series[column] == values).all()
 
 
 def test_what_belongs_to_points_stays_with_them_however_they_are_numbered(tmp_path):

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import FALLING, FREE, advance, chain, computed, damped, disk, shaken
+from bodies import FALLING, FREE, advance, chain, damped, disk, shaken
 from numpy.testing import assert_allclose
 
 from taichi_disk.integrators import TRAPEZOIDAL, VELOCITY_VERLET
@@ -114,48 +114,3 @@ def test_two_points_on_a_spring_swing_as_leapfrog_must(kernels):
             assert v[1] - v[0] == pytest.approx(
                 -s0 * np.sin(steps * theta) * np.sin(theta) / h, abs=1e-11
             )
-
-
-def test_a_flat_wall_gives_a_spinning_disk_no_sideways_push_and_just_its_torque(
-    kernels,
-):
-    # dL/dt = sum (x_i - x_cm) F_i, F_i = a V0 exp(-a y_i) upwards; a step's kick is h
-    # times the force at it, so that the sum over the steps of an impact is exact.
-    # Likewise d(com_vy)/dt = wall force. L starts as spin times inertia.
-    settings = (
-        "lattice.points=40",
-        "material.eta_star=0",
-        "impact.velocity=0.1",
-        "impact.spin=0.3",
-        "impact.turn=0.5",
-    )
-    # a row for each step
-    fine = (
-        "time.integrator=velocity_verlet",
-        "time.safety=0.2",
-        "time.sample_interval=1e-6",
-    )
-    scenario, outcome = computed(
-        kernels, "exponential_wall", *settings, *fine, estimate=False
-    )
-    columns = outcome.series
-    wall = scenario.model.wall
-    h = outcome.summary["dt"]
-    arm = scenario.lattice.positions - scenario.lattice.positions.mean(axis=0)
-    spin = columns["angular_momentum"]
-    force = columns["wall_force"]
-    assert spin[0] == pytest.approx(0.3 * np.sum(arm**2) / 40, rel=1e-12)
-    assert np.abs(columns["com_vx"]).max() < 1e-12
-    assert_allclose(
-        np.diff(columns["com_vy"]) / h,
-        0.5 * (force[1:] + force[:-1]),
-        rtol=0,
-        atol=1e-11 * force.max(),
-    )
-    torque = 0.0
-    for _, x, _ in outcome.replay(columns["t"]):
-        torque += np.sum(
-            (x[:, 0] - x[:, 0].mean()) * wall.a * wall.V0 * np.exp(-wall.a * x[:, 1])
-        )
-    assert abs(spin[-1] - spin[0]) > 1e-3
-    assert spin[-1] - spin[0] == pytest.approx(h * torque, abs=1e-10)

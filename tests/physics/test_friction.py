@@ -328,16 +328,6 @@ def test_a_slow_throw_is_that_of_a_rigid_disk(seed, kernels):
     )
 
 
-def test_a_disk_that_spins_fast_enough_leaves_the_other_way(kernels):
-    # Backspin: the lowest point moves to the right and friction acts to the left, until
-    # the disk goes back.
-    _, outcome, found = impact(
-        kernels, *SMALL, "impact.angle=0.3", "impact.spin=0.2", "wall.friction=0.5"
-    )
-    assert outcome.series["com_vx"][0] > 0.0 > outcome.series["com_vx"][-1]
-    assert found["spin_after"] < 0.2
-
-
 def test_dashpots_are_explicit_if_there_is_friction(kernels):
     _, outcome, found = impact(kernels, *SLIDING, "material.eta_star=100")
     assert outcome.summary["integrator"] == "velocity_verlet"

@@ -295,19 +295,6 @@ def test_when_it_ends_a_rod_that_bends_has_left_for_good(tmp_path, kernels):
     assert_has_left(kernels, "exponential_wall", *settings)
 
 
-def test_a_flight_along_the_rigid_wall_changes_nothing(kernels):
-    # The wall's force depends only on y. (The kinetic energy is rounded more coarsely,
-    # and the step follows its balance.)
-    scene = load_scene("exponential_wall", ["lattice.points=60"])
-    ends = []
-    for along in (0.0, 0.2):
-        velocities = scene.scenario().velocities + [along, 0.0]
-        scenario = scene.scenario(own=OwnStart(None, velocities))
-        columns = compute(scenario, estimate=False).series
-        ends.append((columns["t"][-1], columns["com_vy"][-1]))
-    assert ends[1] == pytest.approx(ends[0], rel=1e-6)
-
-
 def assert_has_left(kernels, name, *settings):
     """Run on for as long again, and check that the disk never touches the wall and
     flies as fast as `run` says."""
@@ -387,26 +374,3 @@ def test_the_contact_time_on_a_hard_wall_does_not_depend_on_the_rows(kernels):
         *(outcome.series[name][::every] for name in ("t", "wall_force", "com_vy"))
     )
     assert end - start != pytest.approx(found["1e-6"], rel=3e-3)
-
-
-def test_a_contact_lasts_while_the_force_exceeds_a_hundredth_of_its_peak():
-    # F = exp(-|t - t_0|/tau) is 0.01 of its peak at t_0 -+ tau ln 100, where log-linear
-    # interpolation is exact.
-    t = np.linspace(0.0, 30.0, 1001)
-    tau = 1.7
-    t0 = t[500]
-    found = contact_interval(t, 3.0 * np.exp(-np.abs(t - t0) / tau), t - t0)
-    assert found == pytest.approx(
-        (t0 - tau * np.log(100.0), t0 + tau * np.log(100.0)), abs=1e-9
-    )
-    # For two contacts, the time from the first to the last.
-    found = contact_interval(
-        t, np.exp(-((t - 8.0) ** 2)) + 0.5 * np.exp(-((t - 20.0) ** 2)), t - t0
-    )
-    assert found == pytest.approx(
-        (8.0 - np.sqrt(np.log(100.0)), 20.0 + np.sqrt(np.log(50.0))), abs=1e-3
-    )
-    # A contact without any row lies between the rows before and after it.
-    t = np.arange(5.0)
-    v = np.array([-1.0, -1.0, -1.0, 0.9, 0.9])
-    assert contact_interval(t, np.zeros(5), v) == (2.0, 3.0)

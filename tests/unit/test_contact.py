@@ -19,9 +19,27 @@ def columns(**last):
     return zero | ends | {"t": T, "wall_force": FORCE, "com_vy": T - 3.5}
 
 
-def test_the_contact_lasts_from_the_first_to_the_last_force():
-    start, end = contact_interval(T, FORCE, T - 3.5)
-    assert (start, end) == pytest.approx((2.0, 5.0), abs=0.1)
+def test_a_contact_lasts_while_the_force_exceeds_a_hundredth_of_its_peak():
+    # F = exp(-|t - t_0|/tau) is 0.01 of its peak at t_0 -+ tau ln 100, where log-linear
+    # interpolation is exact.
+    t = np.linspace(0.0, 30.0, 1001)
+    tau = 1.7
+    t0 = t[500]
+    found = contact_interval(t, 3.0 * np.exp(-np.abs(t - t0) / tau), t - t0)
+    assert found == pytest.approx(
+        (t0 - tau * np.log(100.0), t0 + tau * np.log(100.0)), abs=1e-9
+    )
+    # For two contacts, the time from the first to the last.
+    found = contact_interval(
+        t, np.exp(-((t - 8.0) ** 2)) + 0.5 * np.exp(-((t - 20.0) ** 2)), t - t0
+    )
+    assert found == pytest.approx(
+        (8.0 - np.sqrt(np.log(100.0)), 20.0 + np.sqrt(np.log(50.0))), abs=1e-3
+    )
+    # A contact without any row lies between the rows before and after it.
+    t = np.arange(5.0)
+    v = np.array([-1.0, -1.0, -1.0, 0.9, 0.9])
+    assert contact_interval(t, np.zeros(5), v) == (2.0, 3.0)
 
 
 @pytest.mark.parametrize("loss", ["dissipated", "absorbed"])
@@ -31,11 +49,6 @@ def test_with_losses_results_are_measured_at_the_end_of_the_last_contact(loss):
 
 def test_without_losses_results_are_measured_at_the_end_of_the_run():
     assert results_time(columns()) == 10.0
-
-
-def test_a_contact_between_two_rows_is_the_interval_in_which_the_disk_turns_back():
-    start, end = contact_interval(T, np.zeros(len(T)), T - 3.55)
-    assert (start, end) == pytest.approx((3.5, 3.6))
 
 
 def test_a_contact_may_begin_with_the_second_row():

@@ -89,13 +89,6 @@ def test_a_collected_curve_spans_a_factor_of_30_in_even_ratios(
     assert ratios == pytest.approx([30.0 ** (1 / 7)] * 7, rel=0.05)
 
 
-@pytest.mark.validate
-def test_a_key_raises_the_viscosity_from_zero(controls: Controls) -> None:
-    controls.sandbox.set("material.eta_star", 0.0)
-    controls.press("e")
-    assert controls.value("material.eta_star") == MIN_VISCOSITY["material.eta_star"]
-
-
 def test_a_scene_of_the_list_may_set_the_pace(controls: Controls) -> None:
     sandbox = controls.sandbox
     controls.playlist[1] = controls.playlist[1]._replace(speed=3.0, slow=True)

@@ -3,11 +3,9 @@ other cases."""
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
-from bodies import computed, driver_of
+from bodies import computed
 
 from taichi_disk.computation import error_estimate
 from taichi_disk.computation.diagnostics import BlowUp
@@ -168,39 +166,7 @@ def test_the_estimate_of_the_contact_time_holds_when_half_of_the_rows_agree_by_c
         scenario.result(outcome.series)["contact_time"]
         - scenario.result(closer.series)["contact_time"]
     )
-    assert error <= outcome.summary["error_estimate"]["contact_time"] < 20.0 * error
-
-
-def test_the_sampling_error_of_rows_that_agree_by_chance_is_half_of_the_other_change():
-    # Every other row has all of the peaks; two of three rows miss 0.6 of the highest.
-    height = np.zeros(31)
-    height[[12, 14, 15, 16, 17, 18]] = 0.4
-    height[[13]] = 0.4
-    height[16] = 1.0
-    height[19] = 1.0
-    columns = {"t": np.arange(31.0), "height": height}
-    scenario = SimpleNamespace(
-        result=lambda series: {"peak": float(series["height"].max())},
-        is_thrown=False,
-    )
-    errors = error_estimate._sampling_errors(scenario, columns)
-    # without rows 16 and 19, that is with rows 3 k or 3 k + 2
-    assert errors == {"peak": pytest.approx(0.5 * 0.6)}
-
-
-@pytest.mark.parametrize(("friction", "ratios"), [(0.0, [1.25]), (0.05, [2.0, 4.0])])
-def test_with_friction_two_more_runs_are_made(friction, ratios, kernels):
-    driver = driver_of(
-        kernels,
-        *HELD,
-        f"wall.friction={friction}",
-        "time.safety=0.2",
-        "time.integrator=velocity_verlet",
-    )
-    driver.advance()
-    assert [
-        driver.step.dt / other for other in error_estimate._other_steps(driver)
-    ] == pytest.approx(ratios)
+    assert error <= outcome.summary["error_estimate"]["contact_time"] < 8.0 * error
 
 
 @pytest.mark.validate

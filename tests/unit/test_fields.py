@@ -264,11 +264,6 @@ def test_fringes_follow_the_difference_of_the_principal_stresses():
     assert fringes(np.array([0.3])) == pytest.approx(np.sin(5 * np.pi) ** 2, abs=1e-12)
 
 
-def test_a_disk_without_stress_is_dark():
-    x = DISK.positions + [0.1, 0.7]
-    assert field("fringes", DISK, SPRINGS, x, np.zeros_like(x)).values.max() < 1e-9
-
-
 def test_smoothing_keeps_uniform_values_and_averages_neighbours():
     assert DISK_MESH.smoothed(np.full((300, 2), 0.7), 5) == pytest.approx(
         np.full((300, 2), 0.7), rel=1e-14

@@ -3,7 +3,6 @@ lattices and parameters."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import astuple, replace
 
 import numpy as np
@@ -11,100 +10,22 @@ import pytest
 from bodies import FALLING, damped, disk, moving_down
 from numpy.testing import assert_array_equal
 
-from taichi_disk import runtime
 from taichi_disk.engine import ti
 from taichi_disk.integrators import TRAPEZOIDAL, VELOCITY_VERLET
 from taichi_disk.lattice import Lattice
 from taichi_disk.physics import (
     BodyForce,
-    Boundary,
-    ElasticWall,
     ExponentialWall,
     Load,
-    MatchedBoundary,
-    MouseSpring,
-    ResetBoundary,
     Springs,
 )
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.observables import INDEX
-from taichi_disk.simulation.simulation import KernelCache, Simulation, compiled_for
-from taichi_disk.simulation.stepping import SUMS
+from taichi_disk.simulation.simulation import Simulation, compiled_for
 
 SMALL = ("lattice.points=60", "wall.points=80", "wall.width=3.0")
 VV = VELOCITY_VERLET
 LINEAR = ("material.eta_star=0", "material.k_b=0")
-
-
-@pytest.mark.parametrize(
-    ("scene", "integrator", "laws"),
-    [
-        (("exponential_wall", SMALL[0], *LINEAR), VV, (Springs, ExponentialWall)),
-        pytest.param(
-            ("compression", SMALL[0]),
-            TRAPEZOIDAL,
-            (Springs, ExponentialWall, Load),
-            marks=pytest.mark.validate,
-        ),
-        pytest.param(
-            ("absorbing_wall", *SMALL),
-            VV,
-            (Springs, ElasticWall, ResetBoundary),
-            marks=pytest.mark.validate,
-        ),
-    ],
-    ids=["linear springs", "compression", "elastic wall"],
-)
-def test_a_law_that_a_scene_has_no_use_for_has_no_field_and_is_not_computed(
-    scene, integrator, laws, monkeypatch
-):
-    runtime.start()
-    scenario = load_scene(scene[0], scene[1:]).scenario()
-    with_fields = set()
-
-    def noted(make_fields):
-        return lambda law, *arguments: (
-            with_fields.add(type(law)) or make_fields(law, *arguments)
-        )
-
-    # all that do
-    for kind in (
-        Springs,
-        ExponentialWall,
-        ElasticWall,
-        Load,
-        MouseSpring,
-        Boundary,
-        MatchedBoundary,
-    ):
-        monkeypatch.setattr(kind, "make_fields", noted(kind.make_fields))
-    low = replace(
-        scenario.lattice, positions=scenario.lattice.positions - np.array([0.0, 0.05])
-    )
-    springs = scenario.model.springs
-    rest = (integrator, scenario.velocities, 1e-3)
-    simulation = Simulation(low, scenario.model, *rest)
-    assert with_fields == set(laws)
-    expected = simulation.advance(30, 3)[0]
-    assert np.isfinite(expected).all()
-    assert expected.shape[1] == len(INDEX)
-    assert len(simulation.snapshot().sums) == SUMS
-    assert not hasattr(simulation.model.wall, "friction_now")
-    # Parameters of an absent part do not affect the result.
-    for name in [
-        name
-        for name, there in (("k_b", springs.cubic), ("eta", springs.damped))
-        if not there
-    ]:
-        poisoned = Springs(springs.k_a, springs.k_b, springs.eta)
-        wall = replace(scenario.model.wall)
-        setattr(poisoned, name, math.nan)
-        wall.friction = math.nan
-        assert simulation.restart(
-            low, replace(scenario.model, springs=poisoned, wall=wall), *rest
-        )
-        assert_array_equal(simulation.advance(30, 3)[0], expected)
-    simulation.destroy()
 
 
 def test_equal_springs_have_a_kernel_of_their_own_and_masses_need_no_other_kernel(
@@ -172,26 +93,6 @@ def test_the_numbers_of_a_scene_reach_its_laws(scene, own):
     assert model.reset_interval == (0.004 if scene == "absorbing_wall" else 0.0)
 
 
-@pytest.mark.validate
-def test_other_parameters_compile_nothing_and_a_larger_lattice_needs_a_simulation():
-    runtime.start()
-    lattice = disk(60, height=0.03)
-    big = disk(13_000)
-    cache = KernelCache()
-    other = replace(
-        FALLING,
-        wall=ExponentialWall(50.0, 3.0),
-        springs=replace(FALLING.springs, k_a=3.0, k_b=9.0),
-    )
-    first, second, third = (
-        cache.simulation(body, model, VV, 0 * body.positions, 2e-3)
-        for body, model in ((lattice, FALLING), (lattice, other), (big, other))
-    )
-    assert first is second
-    assert third is not first
-    assert first.generation == -1
-
-
 def test_a_lattice_with_other_rest_lengths_alone_is_another_lattice(kernels):
     lattice = disk(30, height=1.0)
     strained = replace(lattice, rest_lengths=1.01 * lattice.rest_lengths)
@@ -238,12 +139,22 @@ def test_a_simulation_does_not_become_one_of_other_laws_or_of_no_room(kernels):
     v = moving_down(lattice, 0.05)
     simulation = kernels.simulation(lattice, FALLING, VV, v, 1e-3)
     row = simulation.advance(10)[0][-1]
-    generation = simulation.generation
     assert not simulation.restart(lattice, damped(0.1), VV, v, 1e-3)
     assert not simulation.restart(lattice, FALLING, TRAPEZOIDAL, v, 1e-3)
     assert not simulation.restart(big, FALLING, VV, 0 * big.positions, 1e-3)
-    assert (simulation.generation, simulation.step_number) == (generation, 10)
+    assert simulation.step_number == 10
     assert_array_equal(simulation.now, row)
+
+
+def test_a_law_that_a_scene_has_no_use_for_is_not_compiled():
+    body = disk(30)
+    linear = compiled_for(body, replace(FALLING, springs=Springs(1.0)), VV)
+    for springs in (Springs(1.0, 2.0), Springs(1.0, 0.0, 0.1)):
+        assert compiled_for(body, replace(FALLING, springs=springs), VV) != linear
+    again = replace(FALLING, springs=Springs(3.0), wall=ExponentialWall(50.0, 3.0))
+    assert compiled_for(body, again, VV) == linear
+    rough = replace(again, wall=ExponentialWall(50.0, 3.0, 0.1))
+    assert compiled_for(body, rough, VV) != linear
 
 
 def test_only_implicit_dashpots_of_a_large_lattice_need_other_kernels():

@@ -67,12 +67,6 @@ def test_the_outline_is_that_of_the_triangles_whatever_a_file_says(tmp_path, cha
     assert disk.disk_surface.tobytes() == DISK.disk_surface.tobytes()
 
 
-def test_stored_triangles_are_turned_counter_clockwise(tmp_path):
-    disk = read_lattice(store(tmp_path / "a.npz", triangles=DISK.triangles[:, ::-1]))
-    assert disk.triangles.tobytes() == DISK.triangles.tobytes()
-    assert disk.disk_surface.tobytes() == DISK.disk_surface.tobytes()
-
-
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

@@ -13,7 +13,6 @@ import pytest
 from taichi_disk.errors import InputError
 from taichi_disk.scenes import load_scene
 from taichi_disk.text_files import MAX_BYTES, read_text
-from taichi_disk.window.app import list_folder
 
 SCENE = "scene: exponential_wall\nimpact: {velocity: 0.03}  # η\n"
 needs_pipes = pytest.mark.skipif(
@@ -42,25 +41,10 @@ def test_a_file_larger_than_the_limit_is_not_read(tmp_path: Path) -> None:
         read_text(path, limit=MAX_BYTES - 1)
 
 
-def test_a_folder_with_a_huge_file_is_listed_without_reading_it(tmp_path: Path) -> None:
-    with (tmp_path / "huge.yaml").open("wb") as file:
-        file.truncate(3_000_000_000)
-    (tmp_path / "small.yaml").write_text(SCENE, encoding="utf-8")
-    huge, small = list_folder(tmp_path)
-    assert small.load() == load_scene(SCENE)
-    with pytest.raises(InputError, match="is larger than"):
-        huge.load()
-
-
 @pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="no /dev/zero")
 def test_a_device_is_refused() -> None:
     with pytest.raises(InputError, match=r"^/dev/zero: is a device or a pipe"):
         load_scene("/dev/zero")
-
-
-def test_a_folder_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="is a folder, not a file"):
-        load_scene(tmp_path)
 
 
 @needs_pipes
@@ -83,10 +67,3 @@ def test_a_scene_may_come_from_a_pipe_but_no_other_file_may(tmp_path: Path) -> N
 def write_ignoring_readers_end(path: Path, text: str) -> None:
     with contextlib.suppress(BrokenPipeError):
         path.write_text(text, encoding="utf-8")
-
-
-def test_text_in_another_encoding_is_refused_with_its_line(tmp_path: Path) -> None:
-    path = tmp_path / "scene.yaml"
-    path.write_bytes(b"scene: compression\n# \xfcber\n")
-    with pytest.raises(InputError, match=r"scene\.yaml:2: not UTF-8 text \(byte 0xfc"):
-        read_text(path)
