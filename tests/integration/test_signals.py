@@ -98,11 +98,15 @@ time.sleep(30.0)
 
 @pytest.fixture(autouse=True)
 def _heard_signals():
-    """Restore Python's own handling of Ctrl-C, also for children: the shell ignores it
-    for background jobs."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    """Restore the usual handling of Ctrl-C and of a lost connection, also for children:
+    the shell ignores the one for background jobs, `nohup` the other."""
+    before = {
+        signal.SIGINT: signal.signal(signal.SIGINT, signal.default_int_handler),
+        signal.SIGHUP: signal.signal(signal.SIGHUP, signal.SIG_DFL),
+    }
     yield
-    signal.signal(signal.SIGINT, before)
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 @pytest.fixture(scope="module")
