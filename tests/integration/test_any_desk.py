@@ -118,6 +118,7 @@ def test_all_modules_an_impact_with_film_and_a_sweep_do_without_what_only_posix_
         assert {"video.mp4", "plot.png", "summary.json", "scene.yaml"} <= made
 
 
+@pytest.mark.validate
 @pytest.mark.skipif(os.name != "posix", reason="needs a shell")
 def test_a_program_that_contains_python_does_not_start_itself(tmp_path):
     application = tmp_path / "application"

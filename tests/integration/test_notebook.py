@@ -166,6 +166,7 @@ JUPYTERLAB = (
 )
 
 
+@pytest.mark.validate
 @pytest.mark.skipif(not shutil.which("node"), reason="no node")
 def test_the_widget_s_modules_use_no_name_twice(tmp_path: Path) -> None:
     script = tmp_path / "widget.mjs"

@@ -208,7 +208,11 @@ def test_the_energy_that_a_point_loses_by_sliding_over_the_bent_wall_is_recorded
             {"friction"},
         ),
         (("absorbing_wall", "material.eta_star=0"), {"absorbed"}),
-        (("absorbing_wall", "material.eta_star=10"), {"absorbed", "dissipated"}),
+        pytest.param(
+            ("absorbing_wall", "material.eta_star=10"),
+            {"absorbed", "dissipated"},
+            marks=LONG,
+        ),
         (
             (
                 "absorbing_wall",

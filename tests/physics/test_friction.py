@@ -41,11 +41,10 @@ def inertia(scenario):
     return np.mean(np.sum((x - x.mean(axis=0)) ** 2, axis=1))
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-def test_a_disk_that_slides_takes_mu_times_the_normal_impulse(sign, kernels):
-    _, _, found = impact(kernels, *SLIDING, f"impact.angle={1.2 * sign}")
+def test_a_disk_that_slides_takes_mu_times_the_normal_impulse(kernels):
+    _, _, found = impact(kernels, *SLIDING)
     assert found["tangential_impulse"] == pytest.approx(
-        -0.1 * sign * found["normal_impulse"], rel=1e-12
+        -0.1 * found["normal_impulse"], rel=1e-12
     )
 
 
@@ -219,21 +218,28 @@ def test_a_run_with_e_above_1_says_which_energy_became_flight(kernels):
     assert "gained_from" not in outcome.summary
 
 
+# 2e-4 of a slow throw along a soft wall become flight.
+SLOW = (
+    *("exponential_wall", "lattice.points=60", "material.eta_star=0"),
+    *("impact.velocity=0.01", "impact.angle=0.8766", "wall.friction=0.1895"),
+    *("wall.a=0.4008", "wall.V0=1.884e-10"),
+)
+
+
 def test_a_gain_of_e_is_compared_with_its_own_error(kernels):
-    # 2e-4 of a slow throw along a soft wall, more than a thousand times its error
-    slow = (
-        *("exponential_wall", "lattice.points=60", "material.eta_star=0"),
-        *("impact.velocity=0.01", "impact.angle=0.8766", "wall.friction=0.1895"),
-        *("wall.a=0.4008", "wall.V0=1.884e-10"),
-    )
-    _, outcome = computed(kernels, *slow)
+    scenario, outcome = computed(kernels, *SLOW, estimate=False)
+    for error, is_told in ((1e-4, True), (1e-3, False)):
+        assert bool(energy_gained(scenario, outcome.series, error)) is is_told
+
+
+@pytest.mark.validate
+def test_a_gain_above_the_estimated_error_is_told(kernels):
+    _, outcome = computed(kernels, *SLOW)
     (text,) = outcome.summary["warnings"]
     columns = outcome.series
     before, after = columns["com_vx"][[0, -1]] ** 2 / columns["com_vy"][0] ** 2
     assert f"{before - after:+.3g} from flight along the wall" in text
     assert "smaller impact.angle" in text
-    for error, is_told in ((1e-4, True), (1e-3, False)):
-        assert bool(energy_gained(outcome.scenario, columns, error)) is is_told
 
 
 def test_vibration_at_the_start_may_become_flight(kernels):

@@ -220,7 +220,9 @@ def test_a_result_that_another_step_does_not_confirm_is_a_failure(kernels):
     assert out.value.last_good["positions"].shape == (80, 2)
 
 
-@pytest.mark.parametrize("step", ["auto", "0.0015"])
+@pytest.mark.parametrize(
+    "step", ["0.0015", pytest.param("auto", marks=pytest.mark.validate)]
+)
 def test_a_disk_that_comes_back_from_below_the_wall_has_no_result(step, kernels):
     # It flies on, as if it had bounced, so that its last state shows nothing.
     fast = (

@@ -321,7 +321,7 @@ def try_to_load(source: Any, *overrides: str) -> None:
         assert str(error).encode()
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(
     text=SOUP.map(" ".join) | SOUP.map("".join) | st.text(),
     data=st.binary(max_size=200),
