@@ -173,7 +173,6 @@ def _sweep(arguments: argparse.Namespace) -> int:
 
 
 def _view(arguments: argparse.Namespace) -> None:
-    from taichi_disk.scenes import shipped_scenes
     from taichi_disk.window.app import view
 
     name = arguments.scene or DEFAULT_SCENE

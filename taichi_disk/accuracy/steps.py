@@ -76,7 +76,6 @@ class StepStudy:
             limit = self._limit(method)
             runs |= {(method, self._steps(part * limit)) for part in FRACTIONS}
         self.runs = sorted(runs, key=lambda run: (run[0].order, run[0].name, run[1]))
-        self.reference = Reference(scenario.lattice, model)
 
     def _limit(self, integrator: Integrator) -> float:
         return step_limit(
@@ -95,7 +94,9 @@ class StepStudy:
         scenario = self.scenario
         (integrator, steps) = self.default
         errors = []
-        x, v = self.reference.solve(scenario.velocities, self.end)
+        x, v = reference_state(
+            scenario.lattice, scenario.model, scenario.velocities, self.end
+        )
         end = replace(scenario.lattice, positions=x)
         # A simulation that starts from the reference solution measures the same
         # observables as in the runs.
@@ -150,64 +151,61 @@ class StepStudy:
         )
 
 
-class Reference:
-    """Reference solution by SciPy's DOP853 and the laws in NumPy, independent of the
-    Taichi kernels."""
+def reference_state(
+    lattice: Lattice,
+    model: Model,
+    velocities: Array,
+    end: float,
+    rtol: float = REFERENCE_RTOL,
+) -> Array:
+    """Return positions and velocities (2, n, 2) at time `end` [R/c], by SciPy's DOP853
+    and the laws in NumPy, independent of the Taichi kernels.
 
-    def __init__(self, lattice: Lattice, model: Model) -> None:
-        self.lattice = lattice
-        self.model = model
+    The motion starts from the lattice's positions with `velocities` (n, 2) [c]. Raises
+    SimulationError if SciPy fails.
+    """
+    from scipy.integrate import solve_ivp
 
-    def solve(
-        self, velocities: Array, end: float, rtol: float = REFERENCE_RTOL
-    ) -> Array:
-        """Return positions and velocities (2, n, 2) at time `end` [R/c].
-
-        It starts from the lattice's positions with `velocities` (n, 2) [c]. Raises
-        SimulationError if SciPy fails.
-        """
-        from scipy.integrate import solve_ivp
-
-        stops = [end]
-        interval = self.model.reset_interval
-        if interval:
-            resets = int(end / interval * (1 + 1e-12))  # one at the end counts
-            stops = [*(interval * np.arange(1, resets + 1)), end]
-        t = 0.0
-        y: Array = np.concatenate([self.lattice.positions, velocities]).ravel()
-        for stop in stops:
-            if stop > t:
-                # only the end of the motion is stored
-                options: dict[str, Any] = {"t_eval": [stop]}
-                if interval:
-                    # one or two steps suffice between resets
-                    options = {"first_step": stop - t}
-                # DOP853 rejects trial steps that crush the disk
-                with np.errstate(all="ignore"):
-                    solution = solve_ivp(
-                        self.rate,
-                        (t, stop),
-                        y,
-                        "DOP853",
-                        rtol=rtol,
-                        atol=1e-3 * rtol,
-                        **options,
-                    )
-                if not solution.success:
-                    raise SimulationError(
-                        f"the reference solution ends before t = {stop:.6g} R/c:"
-                        f" {solution.message}"
-                    )
-                y = np.array(solution.y[:, -1])
-                t = stop
-            if interval and stop is not stops[-1]:
-                y.reshape(2, -1, 2)[1, self.lattice.wall_boundary] = 0.0
-        return y.reshape(2, -1, 2)
-
-    def rate(self, _t: float, y: Array) -> Array:
+    def rate(_t: float, y: Array) -> Array:
         """Return the time derivative of the state `y`: positions x0, y0, x1, … and then
         velocities."""
         raise_if_interrupted()
         x, v = y.reshape(2, -1, 2)
-        force = self.model.forces_moving(self.lattice, x, v)
-        return np.concatenate([v, force / self.lattice.masses[:, None]]).ravel()
+        force = model.forces_moving(lattice, x, v)
+        return np.concatenate([v, force / lattice.masses[:, None]]).ravel()
+
+    stops = [end]
+    interval = model.reset_interval
+    if interval:
+        resets = int(end / interval * (1 + 1e-12))  # one at the end counts
+        stops = [*(interval * np.arange(1, resets + 1)), end]
+    t = 0.0
+    y: Array = np.concatenate([lattice.positions, velocities]).ravel()
+    for stop in stops:
+        if stop > t:
+            # only the end of the motion is stored
+            options: dict[str, Any] = {"t_eval": [stop]}
+            if interval:
+                # one or two steps suffice between resets
+                options = {"first_step": stop - t}
+            # DOP853 rejects trial steps that crush the disk
+            with np.errstate(all="ignore"):
+                solution = solve_ivp(
+                    rate,
+                    (t, stop),
+                    y,
+                    "DOP853",
+                    rtol=rtol,
+                    atol=1e-3 * rtol,
+                    **options,
+                )
+            if not solution.success:
+                raise SimulationError(
+                    f"the reference solution ends before t = {stop:.6g} R/c:"
+                    f" {solution.message}"
+                )
+            y = np.array(solution.y[:, -1])
+            t = stop
+        if interval and stop is not stops[-1]:
+            y.reshape(2, -1, 2)[1, lattice.wall_boundary] = 0.0
+    return y.reshape(2, -1, 2)

@@ -12,7 +12,7 @@ from typing import Any
 from taichi_disk import runtime
 from taichi_disk.accuracy.steps import StepError, StepStudy
 from taichi_disk.api.lattices import compare_lattices
-from taichi_disk.computation.outcome import Outcome, compute
+from taichi_disk.computation.outcome import compute
 from taichi_disk.computation.stability import spectrum
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.integrators import INTEGRATORS
@@ -94,39 +94,32 @@ def effects(scene: Scene, progress: Progress) -> dict[str, float]:
     if scene.homes("method"):
         scene = scene.with_(method="newton")
     outcome = outcome_of(scene, estimate=False)
-    name = scene.results[0]
+    name, value = outcome.scenario.primary(outcome.series)
     found = {}
+    changes: dict[str, dict[str, Any]] = {}
     if scene.lattice.file == "none":  # there is no other sample of a user's points
         compared = compare_lattices(outcome, SEEDS, progress, force=False)
         if name in compared:
             found[SCATTER] = compared[name]["standard_deviation"]
-        progress("compare", 0, 2)
+        changes[FINER] = finer_lattice(scene)
+    changes[HARDER] = {"wall.a": HARDER_WALL * scene.wall.a}
+    for number, (effect, keys) in enumerate(changes.items()):
+        progress("compare", number, len(changes))
         with suppress(TaichiDiskError):
-            found[FINER] = _result(_finer(scene)) - _primary(outcome)
-    progress("compare", 1, 2)
-    with suppress(TaichiDiskError):
-        harder = scene.with_({"wall.a": HARDER_WALL * scene.wall.a})
-        found[HARDER] = _result(harder) - _primary(outcome)
+            changed = outcome_of(scene.with_(keys), estimate=False)
+            found[effect] = changed.scenario.primary(changed.series)[1] - value
     return found
 
 
-def _finer(scene: Scene) -> Scene:
-    """Return the scene with more points, and equal mass, stiffness and viscosity of the
+def finer_lattice(scene: Scene) -> dict[str, Any]:
+    """Return the keys for more points, and equal mass, stiffness and viscosity of the
     disk."""
     points = FINER_LATTICE * scene.lattice.points
     keys = scene.changes_with("lattice.points", points)
     # A reset acts on each boundary point like a drag of 2 m/interval.
     if scene.reset_interval:
         keys["wall.reset_interval"] = scene.reset_interval / FINER_LATTICE**0.5
-    return scene.with_(keys)
-
-
-def _result(scene: Scene) -> float:
-    return _primary(outcome_of(scene, estimate=False))
-
-
-def _primary(outcome: Outcome) -> float:
-    return outcome.scenario.primary(outcome.series)[1]
+    return keys
 
 
 # ---- the report

@@ -22,7 +22,7 @@ from taichi_disk.errors import NoPictures, SimulationError
 from taichi_disk.lattice import Lattice, own_start
 from taichi_disk.output import files
 from taichi_disk.output.artist import Artist
-from taichi_disk.output.plot import begin_plot, plot_scene
+from taichi_disk.output.plot import plot_run, plot_scene
 from taichi_disk.output.report import headline
 from taichi_disk.output.run_folder import RunFolder
 from taichi_disk.progress import Progress, silent
@@ -201,7 +201,7 @@ class Work:
         self.lap("write")
         quoted = headline(summary, scenario.words.labels)
         shown = plot_scene(scenario, outcome.series, quoted)
-        finish_plot = begin_plot(artist, path / "plot.png", shown)
+        finish_plot = artist.begin(plot_run, path / "plot.png", shown)
         reporters: dict[str, Callable[[], Any]] = {}
         if export:
             reporters["export"] = partial(_export, path, outcome, export)

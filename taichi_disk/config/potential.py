@@ -27,7 +27,7 @@ class ExponentialPotential:
         import numpy as np
 
         with np.errstate(over="ignore"):
-            return np.asarray(self.V0 * np.exp(-self.a * y))
+            return self.V0 * np.exp(-self.a * y)
 
     def force_at(self, y: Array | float) -> Array:
         """Return a V0 exp(-a y) [M c^2/R]."""

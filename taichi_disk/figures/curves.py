@@ -61,7 +61,7 @@ class Curve:
 
     @property
     def mean(self) -> Array:
-        return np.asarray(np.nanmean(self.y, 0))
+        return np.nanmean(self.y, 0)
 
     @property
     def half_widths(self) -> Array:

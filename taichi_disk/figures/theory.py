@@ -38,7 +38,7 @@ def paper_restitution(velocity: ArrayLike, d1: float, d2: float) -> Array:
     """Return e = d1 sqrt(1 - d2/sqrt(ln(4 c/v))), eq. (5), or 0 if the root is not
     real; `velocity` [c]."""
     inner = 1.0 - d2 / np.sqrt(np.log(4.0 / np.asarray(velocity, float)))
-    return np.asarray(d1 * np.sqrt(np.maximum(inner, 0.0)))
+    return d1 * np.sqrt(np.maximum(inner, 0.0))
 
 
 # ---- fits
@@ -114,7 +114,7 @@ def fit_restitution(velocity: Array, e: Array) -> Fit:
     # Eq. (5) squared is a line: e^2 = A - B s with A = d1^2 and B = d1^2 d2. The line
     # that fits e^2 is the start of the fit to e.
     def root(A: float, B: float) -> Array:
-        return np.asarray(np.sqrt(np.maximum(A - B * s, 0.0)))
+        return np.sqrt(np.maximum(A - B * s, 0.0))
 
     def solve(mean: Array) -> list[float]:
         slope, level = np.polyfit(s, mean**2, 1)
@@ -162,7 +162,7 @@ def quasistatic_curves(velocity: tuple[float, ...], e_star: float) -> Prediction
 
     def predict(tau0: Array) -> Array:
         scaled = np.clip(tau0 / unit, 0.0, MAX_TAU0)
-        return np.asarray(spline(np.log1p(5.0 * scaled)))
+        return spline(np.log1p(5.0 * scaled))
 
     return predict
 
@@ -233,8 +233,7 @@ def least_squares(
 
     tolerances = {"xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12}
     found = optimize.least_squares(residuals, start, x_scale="jac", **tolerances)
-    parameters: list[float] = found.x.tolist()
-    return parameters
+    return found.x.tolist()
 
 
 def _scale(y: Array, otherwise: Array) -> Array:

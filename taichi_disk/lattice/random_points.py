@@ -255,7 +255,7 @@ def _are_clear(places: Array, points: Array, distance: float) -> NDArray[np.bool
     from scipy.spatial import cKDTree
 
     nearest, _ = cKDTree(points).query(places, distance_upper_bound=distance)
-    return np.asarray(nearest >= distance)
+    return nearest >= distance
 
 
 def _accepted(darts: Array, spacing: float) -> Array:

@@ -29,7 +29,7 @@ def norms(vectors: Array) -> Array:
     """Return the lengths (k,) of vectors (2, k)."""
     # not np.hypot, whose rounding depends on the machine
     x, y = vectors
-    return np.asarray(np.sqrt(x * x + y * y))
+    return np.sqrt(x * x + y * y)
 
 
 def delaunay(points: Array) -> Long:

@@ -7,7 +7,7 @@ Matplotlib takes 0.3 s to import, so it is imported only when something is drawn
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +18,6 @@ import numpy as np
 
 from taichi_disk.computation.contact import results_time, vibration_left
 from taichi_disk.computation.words import Words
-from taichi_disk.output.artist import Artist
 from taichi_disk.output.files import atomic_write, origin
 from taichi_disk.simulation.observables import BY_NAME, VELOCITY, Columns, of_kind
 
@@ -188,11 +187,6 @@ def plot_run(path: Path, scene: PlotScene) -> None:
                 new, metadata=metadata, pil_kwargs={"compress_level": 3}
             ),
         )
-
-
-def begin_plot(artist: Artist, path: Path, scene: PlotScene) -> Callable[[], None]:
-    """Let `artist` begin `plot_run`, and return a function that waits for its end."""
-    return artist.begin(plot_run, path, scene)
 
 
 def run_figure(scene: PlotScene) -> Plot:

@@ -7,7 +7,7 @@ folder `scenes` of the project.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeAlias, cast, get_args
+from typing import Any, TypeAlias, get_args
 
 from taichi_disk.config.tree import Source, read_tree
 from taichi_disk.config.tree import shipped_scenes as shipped_scenes
@@ -33,7 +33,7 @@ def load_scene(source: Source, overrides: Sequence[str] = ()) -> Scene:
     Raises:
         InputError: lists all faults, each as file:line:column: key: what is wrong.
     """
-    return cast(Scene, _load(source, overrides, "scene"))
+    return _load(source, overrides, "scene")
 
 
 def load_sweep(source: Source, overrides: Sequence[str] = ()) -> Sweep:
@@ -43,16 +43,14 @@ def load_sweep(source: Source, overrides: Sequence[str] = ()) -> Sweep:
     "sweep.key=[...]" in `overrides` sets the values of an axis. If `sweep:` is a list
     of sections, it sets the axis in each of them.
     """
-    return cast(Sweep, _load(source, overrides, "sweep"))
+    return _load(source, overrides, "sweep")
 
 
 def load_any(source: Source, overrides: Sequence[str] = ()) -> Scene | Sweep:
-    return cast("Scene | Sweep", _load(source, overrides))
+    return _load(source, overrides, "any")
 
 
-def _load(
-    source: Source, overrides: Sequence[str], want: str = "any"
-) -> DiskScene | Sweep:
+def _load(source: Source, overrides: Sequence[str], want: str) -> Any:
     tree = read_tree(source, overrides)
     has_sweep = "sweep" in tree.value
     if has_sweep and want == "scene":
@@ -69,7 +67,6 @@ def _load(
         tree.fault(tree.entries[()].value, (), what + "`sweep: {seed: {range: 8}}`")
     found = check_sweep(tree, SCENES) if has_sweep else check(tree, SCENES)
     tree.refuse()
-    assert found is not None
     return found
 
 

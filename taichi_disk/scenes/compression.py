@@ -18,13 +18,11 @@ from taichi_disk.simulation.observables import Columns
 
 if TYPE_CHECKING:
     from taichi_disk.computation.outcome import Outcome
-    from taichi_disk.physics import Springs
     from taichi_disk.statics.equilibrium import Equilibrium
 
 # fraction of the load that the wall bears at the start, so that the disk is released
 # gently
 TOUCH = 1e-3
-STRAINED = 1e-9  # a lattice with a larger strain is not at rest
 LABELS = {
     "xi": ("compression xi", "R"),
     "xi_nominal": ("compression xi, from nominal radius", "R"),
@@ -75,6 +73,7 @@ class CompressionScene(DiskScene):
         from taichi_disk.statics.equilibrium import (
             depth,
             place_on_wall,
+            relaxed,
             resting_angle,
             solve_equilibrium,
         )
@@ -83,7 +82,7 @@ class CompressionScene(DiskScene):
         springs = self.springs(body)
         wall = ExponentialWall(self.wall.a, self.wall.V0)
         model = Model(springs, wall, Load(pressure))
-        disk = _relaxed(body, springs)
+        disk = relaxed(body, springs)
         angle = resting_angle(disk, springs.modulus, wall.a, pressure)
         near = place_on_wall(disk, angle, wall, pressure).positions
         rest = solve_equilibrium(disk, model, near)
@@ -109,18 +108,6 @@ class CompressionScene(DiskScene):
             rest=rest,
             unloaded=depth(lattice, lattice.positions),
         )
-
-
-def _relaxed(disk: Lattice, springs: Springs) -> Lattice:
-    """Return the free disk at rest, which differs from `disk` if its springs are
-    strained."""
-    from taichi_disk.physics import Model
-    from taichi_disk.statics.equilibrium import solve_equilibrium
-
-    if np.abs(springs.strain(disk, disk.positions)).max() <= STRAINED:
-        return disk
-    rest = solve_equilibrium(disk, Model(springs), disk.positions)
-    return replace(disk, positions=rest.positions)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -323,7 +310,7 @@ def paper_compression(
 ) -> Array:
     """Return xi = b P/(pi E) {ln(4 pi E R/(b P)) - 1 - nu} [R], eq. (2)."""
     p = np.asarray(b, float) * pressure / (np.pi * np.asarray(young, float))
-    return np.asarray(p * (np.log(4.0 / p) - 1.0 - np.asarray(poisson)))
+    return p * (np.log(4.0 / p) - 1.0 - np.asarray(poisson))
 
 
 def exact_compression(
@@ -337,4 +324,4 @@ def exact_compression(
     section 5.6, treats two contacts). Its relative error is O(P/E).
     """
     p = np.asarray(pressure, float) / (np.pi * np.asarray(young, float))
-    return np.asarray(p * (np.log(1.0 / p) - 0.25 * (1.0 + np.asarray(poisson))))
+    return p * (np.log(1.0 / p) - 0.25 * (1.0 + np.asarray(poisson)))

@@ -289,7 +289,7 @@ class ImpactScenario(Scenario):
     def outline(self) -> Array:
         """Surface points (k, 2) of the disk at t = 0, from its centre of mass [R]."""
         x = self.lattice.positions
-        return np.asarray(x[self.lattice.disk_surface] - self.lattice.mean(x))
+        return x[self.lattice.disk_surface] - self.lattice.mean(x)
 
     # ---- the end
 

@@ -13,7 +13,7 @@ from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.network import symmetric_factors
 from taichi_disk.lattice.triangles import cross
-from taichi_disk.physics import ExponentialWall, Model
+from taichi_disk.physics import ExponentialWall, Model, Springs
 from taichi_disk.signals import raise_if_interrupted
 
 _EPS = float(np.finfo(np.float64).eps)
@@ -23,6 +23,7 @@ _FIRST_SHIFT = 1e-5
 _MIN_SHIFT = 1e-12
 _MAX_SHIFT = 1e6
 _MAX_ROLL = 0.1  # largest rotation in a Newton step [rad]
+_MAX_STRAIN = 1e-9  # largest strain of a spring of a disk at rest
 _TIP_ANGLE = 1e-3  # rotation of a disk that is balanced on a tip [rad]
 
 
@@ -77,6 +78,15 @@ def solve_equilibrium(
         f"no equilibrium within {max_iterations} Newton iterations (force"
         f" {residual:.1e}, needed {goal:.1e}): lower compression.pressure or wall.a"
     )
+
+
+def relaxed(disk: Lattice, springs: Springs) -> Lattice:
+    """Return the free disk at rest, which differs from `disk` if its springs are
+    strained."""
+    if np.abs(springs.strain(disk, disk.positions)).max() <= _MAX_STRAIN:
+        return disk
+    rest = solve_equilibrium(disk, Model(springs), disk.positions)
+    return replace(disk, positions=rest.positions)
 
 
 def _rounding_force(tangent: Any, x: Array) -> float:

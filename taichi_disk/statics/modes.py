@@ -3,7 +3,7 @@ state, such as after an impact."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 from taichi_disk.errors import whole_number
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.network import softest_modes
-from taichi_disk.physics import Model, Springs
-from taichi_disk.statics.equilibrium import solve_equilibrium
+from taichi_disk.physics import Springs
+from taichi_disk.statics.equilibrium import relaxed
 
-# largest strain of a spring; a disk with more is first brought to equilibrium
-MAX_STRAIN = 1e-9
 _RIGID_MODES = 3  # modes of zero frequency: two translations and a rotation
 
 
@@ -50,9 +48,7 @@ def modes(
     """
     most = 2 * len(disk.masses) - _RIGID_MODES
     whole_number(count, "count", most, meaning=", the vibrations of this disk")
-    if np.abs(springs.strain(disk, disk.positions)).max() > MAX_STRAIN:
-        rest = solve_equilibrium(disk, Model(springs), disk.positions)
-        disk = replace(disk, positions=rest.positions)
+    disk = relaxed(disk, springs)
     masses = disk.masses
     stiffness = springs.stiffness(disk, disk.positions)
     frequencies, shapes = _vibrations(stiffness, masses, count)
@@ -107,7 +103,7 @@ def _in_eckart_frame(
 def _complex(disk: Lattice, values: Array) -> Vectors:
     """Return vectors (n, 2), relative to their mean over the disk, as complex numbers
     (n,)."""
-    return np.asarray((values - disk.mean(values)) @ [1.0, 1.0j])
+    return (values - disk.mean(values)) @ [1.0, 1.0j]
 
 
 def _vectors(values: Vectors) -> Array:

@@ -188,7 +188,7 @@ def test_a_picture_that_fails_takes_no_result_with_it(tmp_path, monkeypatch):
     def fails(*_):
         raise RuntimeError("latex could not be found")
 
-    monkeypatch.setattr("taichi_disk.output.plot.plot_run", fails)
+    monkeypatch.setattr("taichi_disk.api.work.plot_run", fails)
     monkeypatch.setattr("taichi_disk.render.film.draw_film", fails)
     # the process that would draw the plot
     monkeypatch.setattr(sys, "executable", "/nowhere/python")

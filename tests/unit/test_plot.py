@@ -23,7 +23,6 @@ from taichi_disk.lattice import Lattice, bulk_moduli
 from taichi_disk.output import inline
 from taichi_disk.output.artist import drawing_process
 from taichi_disk.output.plot import (
-    begin_plot,
     matplotlib_style,
     plot_run,
     plot_scene,
@@ -192,7 +191,7 @@ def test_plots_by_threads_with_other_styles_and_by_another_process_have_the_same
         (tmp_path / "b.png").unlink()
         with drawing_process(film=True) as artist:
             process = artist.begin(os.getpid)
-            begin_plot(artist, tmp_path / "b.png", plot_scene(*impact))()
+            artist.begin(plot_run, tmp_path / "b.png", plot_scene(*impact))()
             assert (process() != os.getpid()) == is_elsewhere
         assert (tmp_path / "b.png").read_bytes() == first
 

@@ -12,7 +12,14 @@ import pytest
 from taichi_disk import Lattice, load_scene, run
 from taichi_disk.accuracy import steps
 from taichi_disk.accuracy.steps import StepError, StepStudy
-from taichi_disk.accuracy.study import FINER, HARDER, SCATTER, _finer, effects, sentence
+from taichi_disk.accuracy.study import (
+    FINER,
+    HARDER,
+    SCATTER,
+    effects,
+    finer_lattice,
+    sentence,
+)
 from taichi_disk.computation.outcome import compute
 from taichi_disk.computation.stability import spectrum
 from taichi_disk.progress import silent
@@ -25,7 +32,7 @@ STEP = StepError(
 @pytest.mark.parametrize("kind", ["exponential_wall", "absorbing_wall"])
 def test_a_finer_lattice_is_of_the_same_material(kind: str) -> None:
     scene = load_scene(kind, ["lattice.points=60", "material.eta_star=5"])
-    changed = _finer(scene)
+    changed = scene.with_(finer_lattice(scene))
     assert changed.lattice.points == 240
     # The eta of a spring, the total mass, the shape of a wall and the drag of its
     # boundary stay the same.

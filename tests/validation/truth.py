@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.accuracy.steps import Reference
+from taichi_disk.accuracy.steps import reference_state
 from taichi_disk.computation.error_estimate import measured
 from taichi_disk.computation.outcome import compute
 from taichi_disk.computation.scenario import Scenario
@@ -76,11 +76,12 @@ def true_result(
     v = float(columns["com_vy"][-1])
     stop = t + min(3.0 / (a * v), 0.3 * t)
 
-    reference = Reference(scenario.lattice, scenario.model)
     elastic = scenario.model.elastic is not None
 
     def solved(rtol: float) -> float:
-        found = reference.solve(scenario.velocities, stop, rtol)
+        found = reference_state(
+            lattice, scenario.model, scenario.velocities, stop, rtol
+        )
         return float(found[1, : scenario.lattice.disk_points, 1].mean()) / far
 
     # The elastic wall's force jumps when a point passes to another spring, so errors
