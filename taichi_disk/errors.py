@@ -111,6 +111,14 @@ def reason(error: BaseException) -> str:
     return error.strerror or str(error)
 
 
+def described(error: BaseException) -> str:
+    """Return the message of an error of this package, and of another error the kind and
+    the message."""
+    if isinstance(error, TaichiDiskError):
+        return str(error)
+    return f"{type(error).__name__}: {error}"
+
+
 def system_message(error: OSError) -> str:
     """Return the system's words with the file, if the system names one."""
     if error.filename is None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.computation.outcome import ESTIMATE_UP_TO, Outcome
-from taichi_disk.errors import TaichiDiskError
+from taichi_disk.errors import described
 from taichi_disk.integrators import INTEGRATORS
 from taichi_disk.progress import Progress
 from taichi_disk.scenes import Scene
@@ -95,7 +95,7 @@ def compare_lattices(
         # The scene's own result is complete, whatever happens to another lattice.
         except Exception as error:
             outcome.summary["warnings"].append(
-                f"there is no result on the lattice of seed {seed}: {_reason(error)}"
+                f"there is no result on the lattice of seed {seed}: {described(error)}"
             )
     comparison: dict[str, Any] = {"seeds": seeds}
     if len(results) == 1:
@@ -136,9 +136,3 @@ def half_width_95(standard_error: float, count: int) -> float:
     from scipy.special import stdtrit
 
     return float(stdtrit(count - 1, 0.975)) * standard_error
-
-
-def _reason(error: Exception) -> str:
-    if isinstance(error, TaichiDiskError):
-        return str(error)
-    return f"{type(error).__name__}: {error}"

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import yaml
 
-from taichi_disk.errors import InputError, did_you_mean, printable, shown_path
+from taichi_disk.errors import InputError, did_you_mean, printable, reason, shown_path
 from taichi_disk.text_files import read_text
 
 Source: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any]"
@@ -330,8 +330,7 @@ def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
             f"{label}: no such file{hint} The shipped scenes are {', '.join(known)}"
         ) from None
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{label}: cannot be read: {reason}") from None
+        raise InputError(f"{label}: cannot be read: {reason(error)}") from None
     return label, folder, text
 
 

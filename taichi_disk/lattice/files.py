@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.errors import InputError, shown_path, whole_number
+from taichi_disk.errors import InputError, reason, shown_path, whole_number
 from taichi_disk.text_files import check_file
 
 # size limit of a file; a disk and a wall of 2,000,000 points each take 430,000,000
@@ -34,7 +34,7 @@ def reading(path: Path, key: str) -> Iterator[None]:
         check_file(path, MAX_BYTES)
         yield
     except Exception as error:  # a damaged file may cause any
-        what = getattr(error, "strerror", None) or str(error)
+        what = reason(error)
         label = shown_path(path)
         if not what.startswith(label):
             what = f"{label}: {what}"

@@ -38,9 +38,6 @@ STYLE: dict[Any, Any] = {
     "lines.linewidth": 1.4,
     "legend.frameon": False,
     "legend.fontsize": 8.5,
-    # publishers refuse fonts of Matplotlib's default type, 3
-    "pdf.fonttype": 42,
-    "ps.fonttype": 42,
 }
 LINE = VELOCITY  # of the main curve
 INK = "#1A1A1E"  # of the wall's force

@@ -49,7 +49,7 @@ RESOLVED = 0.49
 LABELS = {
     "restitution": ("restitution e", ""),
     "contact_time": ("contact time", "R/c"),
-    **{name: (label, unit) for name, (label, unit, _) in oblique.RESULTS.items()},
+    **oblique.LABELS,
 }
 MEASURED = {
     "restitution": (
@@ -59,7 +59,7 @@ MEASURED = {
         f"first to last time that the wall's force is {CONTACT_LEVEL:g} of its peak"
         " [R/c]"
     ),
-    **{name: note for name, (_, _, note) in oblique.RESULTS.items()},
+    **oblique.MEASURED,
     "vibration_left": (
         "kinetic and elastic energy of vibration at the end of the last contact, minus"
         " that at the start, over the energy of the flight before; a spin stretches the"
@@ -96,7 +96,7 @@ class ImpactScene(DiskScene):
     slip_remedy: ClassVar[str] = ""  # advice for a disk that has left the wall's end
     abscissa: ClassVar[tuple[str, str]] = ("impact", "velocity")
     results: ClassVar[tuple[str, ...]] = ("restitution", "contact_time")
-    optional_results: ClassVar[tuple[str, ...]] = tuple(oblique.RESULTS)
+    optional_results: ClassVar[tuple[str, ...]] = tuple(oblique.LABELS)
 
     wall: Any = None
     impact: Any = None

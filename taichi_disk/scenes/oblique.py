@@ -13,35 +13,26 @@ from taichi_disk.config import sections
 from taichi_disk.lattice import Array
 from taichi_disk.simulation.observables import Columns
 
-# Label, unit and definition of each result.
-RESULTS = {
+LABELS = {
+    "tangential_restitution": ("tangential restitution", ""),
+    "spin_after": ("spin after", "c/R"),
+    "tangential_impulse": ("tangential impulse", "M c"),
+    "normal_impulse": ("normal impulse", "M c"),
+}
+MEASURED = {
     "tangential_restitution": (
-        "tangential restitution",
-        "",
-        (
-            "-(v_t + omega h), after over before; v_t to the right, omega"
-            " counter-clockwise, h: height of the centre of mass above the lowest point"
-            " of the unloaded body, turned as it meets the wall"
-        ),
+        "-(v_t + omega h), after over before; v_t to the right, omega"
+        " counter-clockwise, h: height of the centre of mass above the lowest point"
+        " of the unloaded body, turned as it meets the wall"
     ),
     "spin_after": (
-        "spin after",
-        "c/R",
-        (
-            "angular momentum at the end of the last contact over the unloaded moment"
-            " of inertia"
-        ),
+        "angular momentum at the end of the last contact over the unloaded moment"
+        " of inertia"
     ),
     "tangential_impulse": (
-        "tangential impulse",
-        "M c",
-        "of the wall on the disk, to the right: change of v_t times M",
+        "of the wall on the disk, to the right: change of v_t times M"
     ),
-    "normal_impulse": (
-        "normal impulse",
-        "M c",
-        "of the wall on the disk, upwards: change of v_n times M",
-    ),
+    "normal_impulse": "of the wall on the disk, upwards: change of v_n times M",
 }
 START_POTENTIAL = 1e-7  # wall potential at the start over the kinetic energy
 # largest error along the wall, where friction jumps, over the error normal to it
@@ -54,7 +45,7 @@ MIN_TANGENTIAL = 0.01
 def along_the_wall(
     columns: Columns, outline: Array, inertia: float
 ) -> dict[str, float]:
-    """Return the numbers of RESULTS; a lowest point almost at rest has no tangential
+    """Return the numbers of LABELS; a lowest point almost at rest has no tangential
     restitution.
 
     `columns` is the time series of a finished impact. `outline` (k, 2) [R]: surface
@@ -100,7 +91,7 @@ def _height_at_contact(columns: Columns, outline: Array, inertia: float) -> floa
 def scales_along_the_wall(
     columns: Columns, outline: Array, inertia: float
 ) -> dict[str, float]:
-    """Return the largest error of each of RESULTS if the normal impulse has a relative
+    """Return the largest error of each of LABELS if the normal impulse has a relative
     error of 1. Arguments as for `along_the_wall`."""
     vx, vy, spin = (
         float(columns[name][0]) for name in ("com_vx", "com_vy", "angular_momentum")

@@ -18,6 +18,7 @@ from taichi_disk.errors import (
     InputError,
     SimulationError,
     TaichiDiskError,
+    described,
     install_extra,
 )
 from taichi_disk.machine import can_start_python, cores
@@ -187,7 +188,7 @@ def _cause(error: Exception) -> str:
         return "one died, perhaps for lack of memory: use fewer jobs"
     if isinstance(error, CancelledError):
         return "the scheduler has gone"
-    return f"{type(error).__name__}: {error}"
+    return described(error)
 
 
 def _carried_out(executor: Executor, scenes: Scenes, estimate: bool) -> Results:
