@@ -317,19 +317,24 @@ def _parser() -> argparse.ArgumentParser:
     add("--overwrite", action="store_true", help="replace another run in DIR")
     add("--no-video", dest="video", action="store_false", help="make no film")
     add("--export", choices=_TRAJECTORIES, help="also write a trajectory")
-    what = (
-        "threads for 50,000 points or more (default: TAICHI_DISK_THREADS, or all cores)"
+    add(
+        "--threads",
+        type=partial(_count, most=cores()),
+        metavar="N",
+        help="threads for 50,000 points or more (default: TAICHI_DISK_THREADS, or all"
+        " cores)",
     )
-    add("--threads", type=partial(_count, most=cores()), metavar="N", help=what)
     add(
         "--force", action="store_true", help="keep a time.dt beyond the stability limit"
     )
-    what = (
-        "random lattices for mean and scatter of the result; 1: only the scene's own"
-        " (default: 8 up to 5,000 points, 3 for a relaxation or with a tolerance, else"
-        " 1)"
+    add(
+        "--lattices",
+        type=partial(_count, most=10_000),
+        metavar="K",
+        help="random lattices for mean and scatter of the result; 1: only the scene's"
+        " own (default: 8 up to 5,000 points, 3 for a relaxation or with a tolerance,"
+        " else 1)",
     )
-    add("--lattices", type=partial(_count, most=10_000), metavar="K", help=what)
 
     add = command(
         "sweep",
@@ -399,26 +404,36 @@ def _parser() -> argparse.ArgumentParser:
         "render", _render, "film a finished run again, or up to four runs side by side"
     )
     add("folder", type=_path, metavar="DIR", help="folder of the run")
-    what = "up to three more runs, shown at the right; titles name the keys that differ"
     several = {"nargs": "+", "action": "extend", "default": []}  # words, or repeated
-    add("--compare", type=_path, metavar="DIR", help=what, **several)
-    what = "titles of the runs, in place of the keys that differ: one for each run"
-    add("--label", metavar="TEXT", help=what, **several)
-    what = (
-        ".mp4, .webm or .gif; .html: page that plays the film without internet; .png:"
-        " one picture; no suffix: folder"
+    add(
+        "--compare",
+        type=_path,
+        metavar="DIR",
+        help="up to three more runs, shown at the right; titles name the keys that"
+        " differ",
+        **several,
+    )
+    add(
+        "--label",
+        metavar="TEXT",
+        help="titles of the runs, in place of the keys that differ: one for each run",
+        **several,
     )
     add(
         "--out",
         type=_path,
         metavar="FILE",
-        help=f"{what} of numbered pictures (default: render or comparison in DIR)",
+        help=".mp4, .webm or .gif; .html: page that plays the film without internet;"
+        " .png: one picture; no suffix: folder of numbered pictures (default: render or"
+        " comparison in DIR)",
     )
-    what = (
-        "moment of a picture: a time in R/c, contact (the first), greatest"
-        " (compression) or end (default: greatest)"
+    add(
+        "--at",
+        default="greatest",
+        metavar="T",
+        help="moment of a picture: a time in R/c, contact (the first), greatest"
+        " (compression) or end (default: greatest)",
     )
-    add("--at", default="greatest", metavar="T", help=what)
     add(
         "--from",
         dest="start",
@@ -471,10 +486,12 @@ def _parser() -> argparse.ArgumentParser:
     _add_scene(
         command("check", _check, "check a scene, and print it with every default")
     )
-    summary = (
-        "compare integrators and time steps, then the effects of lattice, N and wall"
+    add = command(
+        "accuracy",
+        _accuracy,
+        "compare integrators and time steps, then the effects of lattice, N and wall",
     )
-    _add_scene(command("accuracy", _accuracy, summary), out="out/SCENE_accuracy")
+    _add_scene(add, out="out/SCENE_accuracy")
     command("doctor", _doctor, "check whether this machine can run and film scenes")
     return parser
 
@@ -498,14 +515,13 @@ def _add_scene(
         help=f"a YAML file, or a shipped scene: {shipped or _shipped()}",
         **options,
     )
-    what = "change a key of the scene, e.g. material.eta_star=100; repeatable"
     add(
         "--set",
         dest="overrides",
         action="append",
         default=[],
         metavar="SECTION.KEY=VALUE",
-        help=what,
+        help="change a key of the scene, e.g. material.eta_star=100; repeatable",
     )
     if out:
         add(

@@ -172,19 +172,18 @@ def at_points(
     return values
 
 
-def fringes(largest_shear: Array, fringe: float = 0.0) -> Array:
+def fringes(largest_shear: Array) -> Array:
     """Return the brightness sin^2(pi * 2 shear/fringe) in a dark-field circular
     polariscope.
 
-    `largest_shear` [M c^2/R^2]: maximum shear stress; `fringe` [M c^2/R^2]: stress
-    difference per fringe, by default such that there are FRINGES in all.
+    `largest_shear` [M c^2/R^2]: maximum shear stress. The fringe, a stress difference,
+    is such that there are FRINGES in all.
     """
+    fringe = 1.0
     maximum = float(largest_shear.max(initial=0.0))
-    if not fringe:
-        fringe = 1.0
-        if maximum > STRESS_ROUNDING:
-            fringe = 2.0 * maximum / FRINGES
-    return np.asarray(np.sin(2.0 * np.pi * largest_shear / fringe) ** 2)
+    if maximum > STRESS_ROUNDING:
+        fringe = 2.0 * maximum / FRINGES
+    return np.sin(2.0 * np.pi * largest_shear / fringe) ** 2
 
 
 # ---- stress
@@ -268,7 +267,7 @@ class Triangles:
         """
         u, w = self._edges(x)
         area = 0.5 * (u[0] * w[1] - u[1] * w[0])
-        return np.asarray(np.maximum(area, self._min_area))
+        return np.maximum(area, self._min_area)
 
     def area_rates(self, x: Array, v: Array) -> Array:
         """Return the rates of change (t,) of the areas [R c] at velocities `v` (n, 2)
@@ -276,7 +275,7 @@ class Triangles:
         u, w = self._edges(x)
         du, dw = self._edges(v)
         double_rate = du[0] * w[1] - du[1] * w[0] + u[0] * dw[1] - u[1] * dw[0]
-        return np.asarray(0.5 * double_rate)
+        return 0.5 * double_rate
 
     def virials(self, springs: Springs, x: Array) -> Array:
         """Return T/|r| r r^T of each spring: xx, yy and xy (m, 3) [M c^2]."""
@@ -294,7 +293,7 @@ class Triangles:
     def around(self, integrals: Array) -> Array:
         """Return the sums (n, ...) of `integrals` (t, ...) over the triangles around
         each point."""
-        return np.asarray(self._around @ integrals)
+        return self._around @ integrals
 
     def smoothed(self, values: Array, passes: int) -> Array:
         """Replace point values (n, k) by the mean of the point and its neighbours,
@@ -309,7 +308,7 @@ def stress(triangles: Triangles, springs: Springs, x: Array) -> Array:
     """Return the stress of each triangle: xx, yy and xy (t, 3) [M c^2/R^2], positive
     under tension; `x` (n, 2) [R]."""
     integrals = triangles.carried @ triangles.virials(springs, x)
-    return np.asarray(integrals / triangles.areas(x)[:, None])
+    return integrals / triangles.areas(x)[:, None]
 
 
 def point_stress(triangles: Triangles, springs: Springs, x: Array) -> Array:
@@ -335,7 +334,7 @@ def smooth_stress(triangles: Triangles, springs: Springs, x: Array) -> Array:
 def pressure(sigma: Array) -> Array:
     """Return minus half the trace of stresses (..., 3) [M c^2/R^2], which is positive
     under compression."""
-    return np.asarray(-0.5 * (sigma[..., 0] + sigma[..., 1]))
+    return -0.5 * (sigma[..., 0] + sigma[..., 1])
 
 
 def shear(sigma: Array) -> Array:

@@ -271,13 +271,8 @@ def _npz_arrays(frame: Frame) -> dict[str, Array]:
         "positions": frame.positions,
         "velocities": frame.velocities,
     }
-    quantities = {
-        "points": frame.points,
-        "springs": frame.springs,
-        "triangles": frame.triangles,
-    }
-    for kind, values in quantities.items():
-        for name, each in values.items():
+    for kind in ("points", "springs", "triangles"):
+        for name, each in getattr(frame, kind).items():
             arrays[f"{kind}_{name}"] = each
     for name, value in frame.energies.items():
         arrays[f"{name}_energy"] = value

@@ -149,7 +149,7 @@ class RunFolder:
 
 @contextmanager
 def run_folder(
-    out: Path | str,
+    out: Path,
     scene_yaml: str,
     count_on: bool,
     overwrite: bool = False,
@@ -172,28 +172,27 @@ def run_folder(
     Raises InputError on entry, with nothing left behind, if the folder holds something
     else or cannot be written.
     """
-    asked = Path(out).expanduser()
     with ExitStack() as cleanup:
         try:
-            asked = _place(asked)
-            cleanup.callback(files.remove_empty, files.prepare_output(asked.parent))
-            path = files.hidden(asked)
+            out = _place(out)
+            cleanup.callback(files.remove_empty, files.prepare_output(out.parent))
+            path = files.hidden(out)
             # A killed process may have left this folder: its name contains the number
             # of the process, which is often the same in every container.
             files.remove(path)
             cleanup.callback(files.remove, path)
             path.mkdir()
             files.write_text(path / "scene.yaml", scene_yaml)
-            folder = RunFolder(path, asked, [(scene_yaml, lattice)])
+            folder = RunFolder(path, out, [(scene_yaml, lattice)])
             if overwrite:
                 with suppress(InputError):  # which `choose` raises again, with advice
-                    folder.replaceable.append(stored_run(asked).identity)
+                    folder.replaceable.append(stored_run(out).identity)
             if count_on:
-                folder.out = folder.choose(_numbered(asked), "done")
+                folder.out = folder.choose(_numbered(out), "done")
             else:
-                folder.choose([asked], "done", " (overwrite=True replaces it)")
+                folder.choose([out], "done", " (overwrite=True replaces it)")
         except (OSError, ValueError) as error:
-            raise files.cannot_write(asked, error) from None
+            raise files.cannot_write(out, error) from None
         try:
             yield folder
         finally:

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from taichi_disk import runtime
 from taichi_disk.engine import ti
-from taichi_disk.fields import QUANTITIES, Triangles, at_points, fringes
+from taichi_disk.fields import QUANTITIES, Triangles, at_points
 from taichi_disk.lattice import Lattice, disk_lattice, with_wall
 from taichi_disk.physics import ElasticWall, ExponentialWall, Springs
 from taichi_disk.render import film_problem
@@ -88,7 +88,7 @@ def test_colours_equal_the_field_s_values(shoot, colour):
         # colours, the colour of the mean value.
         colours = painter.colours(painter.normalised(values))[corners].mean(axis=1)
         if colour == "fringes":
-            light = fringes(values[corners].mean(axis=1) / 2.0, painter.limit)
+            light = np.sin(np.pi * values[corners].mean(axis=1) / painter.limit) ** 2
             table = colour_map(painter.theme, "fringes")
             colours = table[np.rint(511 * light).astype(int)]
         assert np.median(np.abs(drawn - colours)) < 0.01
