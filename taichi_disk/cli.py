@@ -52,7 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             return 0
         arguments = parser.parse_args(given)
         raise_if_interrupted()
-        status: int = arguments.command(arguments) or 0
+        status = arguments.command(arguments) or 0
         if sys.stdout is not None:  # it may be closed
             sys.stdout.flush()
         return status
@@ -181,7 +181,7 @@ def _view(arguments: argparse.Namespace) -> None:
         raise InputError(
             "--set cannot change the scenes of a folder: name one scene file instead"
         )
-    scene: Any = None
+    scene = None
     if is_folder:
         scene = Path(name)
     elif arguments.scene or arguments.overrides:

@@ -92,7 +92,7 @@ class StepStudy:
         """Compute the reference and all runs. `done` is called with the number of
         finished runs."""
         scenario = self.scenario
-        (integrator, steps) = self.default
+        integrator, steps = self.default
         errors = []
         x, v = reference_state(
             scenario.lattice, scenario.model, scenario.velocities, self.end
@@ -106,9 +106,9 @@ class StepStudy:
             .first_row
         )
         truth = scenario.primary(as_columns(first[None], 0.0))[1]
-        for number, (integrator, steps) in enumerate(self.runs):
-            done(1 + number)
-            errors.append(self._measured(integrator, steps, x, truth))
+        for number, run in enumerate(self.runs, start=1):
+            done(number)
+            errors.append(self._measured(*run, x, truth))
         return errors
 
     def _measured(
@@ -180,7 +180,7 @@ def reference_state(
         resets = int(end / interval * (1 + 1e-12))  # one at the end counts
         stops = [*(interval * np.arange(1, resets + 1)), end]
     t = 0.0
-    y: Array = np.concatenate([lattice.positions, velocities]).ravel()
+    y = np.concatenate([lattice.positions, velocities]).ravel()
     for stop in stops:
         if stop > t:
             # only the end of the motion is stored

@@ -96,7 +96,7 @@ def effects(scene: Scene, progress: Progress) -> dict[str, float]:
     outcome = outcome_of(scene, estimate=False)
     name, value = outcome.scenario.primary(outcome.series)
     found = {}
-    changes: dict[str, dict[str, Any]] = {}
+    changes = {}
     if scene.lattice.file == "none":  # there is no other sample of a user's points
         compared = compare_lattices(outcome, SEEDS, progress, force=False)
         if name in compared:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from inspect import signature
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -82,7 +82,7 @@ class Result(Outcome):
     @property
     def scene(self) -> Scene:
         """The computed scene."""
-        return cast("Scene", self.scenario.scene)
+        return self.scenario.scene
 
     # ---- numbers
 
@@ -253,7 +253,7 @@ class Result(Outcome):
         if chosen is None:
             count = whole_number(frames, "frames", MOST_FRAMES)
             chosen = np.linspace(0.0, self.series["t"][-1], count)
-        exported: list[float] = []
+        exported = []
 
         def recorded() -> Iterator[State]:
             for state in self._states(chosen):
@@ -553,7 +553,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
     # reads the files of a lattice and velocities only once, because they may change
     work = Work(scene, lattice, velocities, progress, started)
     own = work.own
-    options: dict[str, Any] = {"lattices": lattices, "force": force}
+    options = {"lattices": lattices, "force": force}
     if out is None:
         if export:
             raise InputError("export: needs a folder, `out`")

@@ -27,10 +27,9 @@ def lattice_count(outcome: Outcome, asked: int | None) -> tuple[int, list[str]]:
 
     `outcome`: the computed scene; `asked`: number of lattices that the user wants.
     """
-    is_own = bool(outcome.scenario.own.digest)
-    if is_own and asked == 1:
+    if asked == 1:
         return 1, []
-    if is_own:
+    if outcome.scenario.own.digest:
         text = (
             "a lattice or velocities of your own have no seed: how far the result"
             " depends on the points is not known"

@@ -56,7 +56,7 @@ class Work:
         started: float = 0.0,
     ) -> None:
         self._since = perf_counter()
-        self.clock: dict[str, float] = {}
+        self.clock = {}
         if started:
             self.clock["start"] = started
         self.summary: dict[str, Any] = {}

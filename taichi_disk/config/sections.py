@@ -137,7 +137,7 @@ class Section(Frozen):
 def _key_of(hint: Any, item: Field[Any]) -> Key:
     # members of a union; or the words of a Literal; or nothing, if it is a single type
     parts = get_args(hint) or (hint,)
-    words: list[str] = []
+    words = []
     kind: type = str
     for part in parts:
         if isinstance(part, str):

@@ -199,7 +199,7 @@ def _mark_of(node: yaml.Node, source: Mark) -> Mark:
 def _mapping(
     node: yaml.MappingNode, path: Keys, tree: Tree, source: Mark
 ) -> dict[str, Any]:
-    values: dict[str, Any] = {}
+    values = {}
     for item, value in node.value:
         mark = _mark_of(item, source)
         if not isinstance(item, yaml.ScalarNode) or not item.value.isprintable():
@@ -403,7 +403,7 @@ def _parents(
 def shipped_scenes() -> dict[str, Path]:
     """Return the paths of the shipped scenes by their names."""
     package = Path(__file__).parent.parent
-    scenes: dict[str, Path] = {}
+    scenes = {}
     # A source checkout has the files in its top folder; an installed package contains
     # them, and they count if both exist.
     for folder in (package.parent / "scenes", package / "scene_library"):

@@ -68,7 +68,7 @@ class Quantity:
     short: str = ""  # label where there is little room; "": `label`
 
 
-QUANTITIES: dict[str, Quantity] = {
+QUANTITIES = {
     "pressure": Quantity(
         "pressure", "Mc²/R²", "triangles", True, "stretched", "compressed"
     ),

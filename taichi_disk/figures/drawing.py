@@ -36,7 +36,7 @@ SYMBOLS = {
     "boundary": "",
     "method": "",
 }
-FONT: dict[Any, Any] = {
+FONT = {
     "font.size": 9,
     "legend.fontsize": 8,
     "legend.handlelength": 1.6,
@@ -49,7 +49,7 @@ NAME_HEIGHT = 9.0  # of a name at the end of a curve [pt]
 MAX_LABEL = 26  # number of letters up to which two columns of a legend fit
 MAX_LINE = 56  # number of letters in a line of the caption
 MAX_SHIFT = 14.0  # by which it may stand higher than the end [pt]
-METADATA: dict[str, dict[str, Any]] = {
+METADATA = {
     "png": {"Software": None},
     "svg": {"Date": None},
     "pdf": {"CreationDate": None},

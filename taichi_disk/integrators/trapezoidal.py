@@ -64,7 +64,7 @@ def factorise(lattice: Lattice, model: Model, dt: float) -> Factor:
     matched boundary."""
     import scipy.sparse as sp
 
-    free: NDArray[np.intp] = np.arange(len(lattice.positions))
+    free = np.arange(len(lattice.positions))
     half = 0.5 * dt
     if model.is_pinned:
         free = np.setdiff1d(free, lattice.wall_boundary)

@@ -366,7 +366,7 @@ def _lattice_of(arrays: Mapping[str, Any], max_offset: float) -> Lattice:
     bonds = None
     if springs is not None:
         bonds = custom.checked_springs(springs, len(x))
-    weights: Array = np.ones(len(x))
+    weights = np.ones(len(x))
     if masses is not None:
         weights = custom.column(masses, len(x), "masses")
         custom.check_masses(weights)

@@ -188,7 +188,7 @@ def scatter(
     SimulationError if it has no room for `count` points.
     """
     if spacing == 0.0 or count == 0:
-        points: Array = np.empty((0, 2))
+        points = np.empty((0, 2))
         while len(points) < count:
             darts = low + (high - low) * rng.random((count + 16, 2))
             points = np.concatenate([points, darts[depth(darts) >= 0.0]])
@@ -289,7 +289,7 @@ def rectangle_points(
     Along the four sides they are evenly spaced by about `row`; if `row` is infinite,
     there are none. Raises InputError if the sides need all the points.
     """
-    frame: Array = np.empty((0, 2))
+    frame = np.empty((0, 2))
     clear = 0.0
     if math.isfinite(row):
         frame = _frame(low, high, row)

@@ -94,7 +94,7 @@ def _cells(line: str, separator: str | None) -> list[str]:
 
 def _places(line: int, names: list[str]) -> dict[str, int]:
     """Return the columns of x, y and possibly mass, by these names."""
-    places: dict[str, int] = {}
+    places = {}
     for place, name in enumerate(names):
         match = _NAME.fullmatch(name.lower())
         if match is None:

@@ -194,7 +194,7 @@ def _write_vtu(
     import meshio
 
     folder = path.with_suffix("")
-    datasets: list[str] = []
+    datasets = []
 
     def fill(new: Path) -> None:
         new.mkdir()
@@ -242,8 +242,8 @@ def _write_npz(
     springs_…, triangles_… as in `Frame`."""
     # One frame is in memory, then 16 MiB of one array: temporary files collect the
     # frames of each array.
-    collected: dict[str, IO[bytes]] = {}
-    first: dict[str, Array] = {}
+    collected = {}
+    first = {}
     with ExitStack() as files:
         for frame in frames:
             for name, value in _npz_arrays(frame).items():
@@ -266,7 +266,7 @@ def _write_npz(
 
 
 def _npz_arrays(frame: Frame) -> dict[str, Array]:
-    arrays: dict[str, Any] = {
+    arrays = {
         "t": frame.time,
         "positions": frame.positions,
         "velocities": frame.velocities,

@@ -53,7 +53,7 @@ def prepare_output(out: Path) -> list[Path]:
     Raises InputError, and leaves nothing behind, if a file is in the way or the place
     is not writable.
     """
-    missing: list[Path] = []
+    missing = []
     try:
         missing += [folder for folder in (out, *out.parents) if not folder.exists()]
         out.mkdir(parents=True, exist_ok=True)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from taichi_disk.computation.scenario import Array, Scenario
     from taichi_disk.output.inline import Plot
 
-STYLE: dict[Any, Any] = {
+STYLE = {
     "font.size": 9.5,
     "axes.spines.top": False,
     "axes.spines.right": False,

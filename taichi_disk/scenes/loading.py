@@ -15,7 +15,7 @@ from taichi_disk.computation.outcome import Outcome, summary_of
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Load, Model
 from taichi_disk.progress import Progress
-from taichi_disk.simulation.observables import INDEX, Columns
+from taichi_disk.simulation.observables import INDEX
 from taichi_disk.statics.equilibrium import depth, roll_angle, solve_equilibrium, turned
 
 
@@ -73,9 +73,7 @@ def quasistatic(scenario: Any, loads: int, progress: Progress) -> Outcome:
         path.states.insert(0, path.under(fraction, path.states[0]))
         progress("simulate", len(path.states), loads)
 
-    columns: Columns = {name: np.zeros(loads) for name in (*INDEX, "xi")} | {
-        "t": fractions
-    }
+    columns = {name: np.zeros(loads) for name in (*INDEX, "xi")} | {"t": fractions}
     for k, x in enumerate(path.states):
         columns["com_x"][k], columns["com_y"][k] = lattice.mean(x)
         columns["lowest_y"][k] = x[:, 1].min()

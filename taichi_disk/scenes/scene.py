@@ -101,7 +101,7 @@ class DiskScene(Frozen):
         spec = self.lattice
         material = self.material
         usual = type(self).material.eta_star
-        found: Conflicts = []
+        found = []
         if material.viscosity != "auto" and material.eta_star != usual:
             text = (
                 f"{material.viscosity:g} and material.eta_star = {material.eta_star:g}"

@@ -78,9 +78,9 @@ def check_sweep(tree: Tree, kinds: Kinds) -> Sweep | None:
     name = tree.value.get("scene")
     kind = kinds.get(name) if isinstance(name, str) else None
     listed = isinstance(section, list) and len(section) > 0
-    blocks: list[Axes] = []
+    blocks = []
     for number, block in enumerate(section if listed else [section]):
-        path: Keys = ("sweep", str(number)) if listed else ("sweep",)
+        path = ("sweep", str(number)) if listed else ("sweep",)
         if not (isinstance(block, dict) and block):
             entry = tree.entries[path]
             tree.fault(
@@ -99,7 +99,7 @@ def check_sweep(tree: Tree, kinds: Kinds) -> Sweep | None:
 def _axes(
     kind: type[DiskScene], block: dict[str, Any], prefix: Keys, tree: Tree
 ) -> Axes:
-    axes: Axes = {}
+    axes = {}
     taken: dict[Keys, str] = {}
     for name, spec in block.items():
         path = (*prefix, name)

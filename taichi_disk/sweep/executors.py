@@ -70,7 +70,7 @@ def part_of(part: str, scenes: Scenes) -> Scenes:
 
 
 def tasks_of(scenes: Scenes) -> list[list[str]]:
-    tasks: list[list[str]] = []
+    tasks = []
     for _, group in groupby(scenes, lambda key: lattice_key(scenes[key])):
         keys = list(group)
         size = SCENES_PER_TASK
@@ -195,7 +195,7 @@ def _carried_out(executor: Executor, scenes: Scenes, estimate: bool) -> Results:
     """Yield (key, result) of the scenes of all tasks."""
     versions = relevant_versions()
     finished = SimpleQueue[Finished]()
-    futures: dict[Finished, list[str]] = {}
+    futures = {}
     try:
         for keys in tasks_of(scenes):
             # pickled here, because a worker of other versions could not unpickle them

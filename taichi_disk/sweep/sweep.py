@@ -262,7 +262,7 @@ def _rows(
     rows = []
     for key in keys:
         result = results[key]
-        row: Row = {name: value_of(scenes[key], name) for name in sweep.axes}
+        row = {name: value_of(scenes[key], name) for name in sweep.axes}
         for name in (*base.results, *optional, *DIAGNOSTICS):
             column = name
             if name in sweep.axes:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from taichi_disk.config.tree import as_path
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.output.files import check_pictures
 from taichi_disk.output.run_folder import run_folder
@@ -37,7 +38,7 @@ def compute(
     out, scene=SCENE, status="done", count_on=False, mark="", files=(), **options
 ):
     """Write a run of a few files that contain `mark`, and return its folder."""
-    with run_folder(out, scene, count_on, **options) as folder:
+    with run_folder(as_path(out, "out"), scene, count_on, **options) as folder:
         for name in ("timeseries.csv", "plot.png", *files):
             (folder.path / name).parent.mkdir(exist_ok=True)
             (folder.path / name).write_text(mark)
@@ -322,7 +323,7 @@ def counted(move):
 os.rename = counted(os.rename)
 os.replace = counted(os.replace)
 shutil.rmtree = counted(shutil.rmtree)
-with run_folder(sys.argv[1], sys.argv[2], True, True) as folder:
+with run_folder(Path(sys.argv[1]), sys.argv[2], True, True) as folder:
     for name in ("timeseries.csv", "plot.png"):
         (folder.path / name).write_text("new")
     folder.take_over()
