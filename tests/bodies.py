@@ -31,6 +31,7 @@ from taichi_disk.physics import (
     ResetBoundary,
     Springs,
 )
+from taichi_disk.render.painter import Painter
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.observables import as_columns
 
@@ -83,6 +84,16 @@ def disk_and_wall(points=100, wall=120, height=0.03):
     lattice = with_wall(disk_lattice(points, 0), wall, 3.0, 0)
     lattice.positions[:points, 1] += height
     return lattice
+
+
+def painter(**attributes):
+    """Return a painter of a disk above a rigid wall, with some `attributes`."""
+    made = Painter(disk(60, height=0.05), Springs(), RIGID)
+    vars(made).update(
+        {"colour": "pressure", "limit": 0.02, "full_force": 0.01, "edge": 0.03}
+        | attributes
+    )
+    return made
 
 
 def chain(positions, bonds, mass):

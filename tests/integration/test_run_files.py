@@ -17,7 +17,6 @@ import reference
 
 from taichi_disk import Lattice, engine, load_scene, run
 from taichi_disk.cli import main
-from taichi_disk.computation import stability
 from taichi_disk.errors import SimulationError
 from taichi_disk.output import export, files
 from taichi_disk.physics import ElasticWall, MatchedBoundary, Model, Springs
@@ -389,25 +388,3 @@ def test_the_saved_scene_is_the_scene_with_every_default_and_repeats_the_run_bit
     after = {path.name: path.read_bytes() for path in stored_run.out.iterdir()}
     # its wall clock
     assert {name for name in before if after[name] != before[name]} == {"summary.json"}
-
-
-@pytest.mark.validate
-def test_the_spectrum_is_looked_for_once_and_rows_are_as_far_apart_as_asked(
-    monkeypatch, tmp_path
-):
-    asked = []
-    plain = stability.largest_eigenvalue
-
-    def counted(*given):
-        asked.append(given)
-        return plain(*given)
-
-    monkeypatch.setattr(stability, "largest_eigenvalue", counted)
-    scene = load_scene(
-        "exponential_wall", (*SMALL, "lattice.seed=77", "time.sample_interval=1.0")
-    )
-    for name in ("o", "again"):
-        result = run(scene, tmp_path / name, video=False, lattices=1)
-    assert len(asked) == 2  # for the springs and for the dashpots
-    # the requested rows
-    assert Run(result, tmp_path / "o").table["t"][1] == pytest.approx(1.0, abs=0.02)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bodies import FALLING, FREE, advance, computed, disk, non_uniform, pressed, shaken
+from bodies import FALLING, FREE, computed, disk, non_uniform, pressed, shaken
 from numpy.testing import assert_allclose
 from scipy.linalg import eigh
 
@@ -45,26 +45,6 @@ def test_observables_are_weighted_with_mass(kernels):
         rtol=1e-11,
     )
     assert np.abs(lattice.mean(x) - x.mean(axis=0)).max() > 1e-3
-
-
-@pytest.mark.parametrize(
-    ("eta", "integrator"), [(0.0, VELOCITY_VERLET), (0.3, TRAPEZOIDAL)]
-)
-@pytest.mark.validate
-def test_a_free_body_of_non_uniform_masses_keeps_its_momentum(eta, integrator, kernels):
-    lattice = non_uniform(disk(60, height=1.0), 0.2, 3.0)
-    x, v = shaken(lattice, 0, 0.01)
-    m = lattice.masses
-    model = pressed(0.0, eta) if eta else FALLING
-    simulation = kernels.simulation(
-        replace(lattice, positions=x), model, integrator, v, 1e-3
-    )
-    columns = advance(simulation, 1000, 1000)
-    assert_allclose(m @ simulation.velocities(), m @ v, rtol=0, atol=1e-12)
-    assert_allclose(
-        [columns["com_x"][-1], columns["com_y"][-1]], m @ x + m @ v, rtol=0, atol=1e-12
-    )
-    assert np.ptp(columns["angular_momentum"]) < 1e-12 or eta
 
 
 def test_a_heavy_core_makes_a_spinning_disk_turn_slower_for_the_same_angular_momentum(

@@ -186,10 +186,6 @@ def test_a_point_that_passes_to_the_next_spring_loses_the_jump_of_its_potential(
     h = 3e-3
     body = replace(LATTICE, positions=x)
     simulation = kernels.simulation(body, BARE, VELOCITY_VERLET, v, h)
-    (row,) = simulation.advance(1, 1)[0]
-    state = simulation.snapshot()
-    after = state.vectors[0]
-    before = after - h * state.vectors[1]
 
     def spring_below(i, at):
         return int(np.searchsorted(at[LATTICE.wall_surface, 0], at[i, 0], "right")) - 1
@@ -204,13 +200,18 @@ def test_a_point_that_passes_to_the_next_spring_loses_the_jump_of_its_potential(
         return V0 * (np.exp(-A * height) - np.exp(-A * ELASTIC.threshold))
 
     lost = 0.0
-    passed = 0
-    for i in LATTICE.disk_surface:
-        old, new = spring_below(i, before), spring_below(i, after)
-        is_touching = ELASTIC.contacts(LATTICE, after).points
-        if old != new and i in is_touching:
-            passed += 1
-            for at in (before, after):
-                lost += 0.5 * (potential(i, old, at) - potential(i, new, at))
-    assert passed > 0
-    assert row[INDEX["sliding"]] == pytest.approx(lost, rel=1e-9)
+    for _ in range(2):
+        (row,) = simulation.advance(1, 1)[0]
+        state = simulation.snapshot()
+        after = state.vectors[0]
+        before = after - h * state.vectors[1]
+        passed = 0
+        for i in LATTICE.disk_surface:
+            old, new = spring_below(i, before), spring_below(i, after)
+            is_touching = ELASTIC.contacts(body, after).points
+            if old != new and i in is_touching:
+                passed += 1
+                for at in (before, after):
+                    lost += 0.5 * (potential(i, old, at) - potential(i, new, at))
+        assert passed > 0
+        assert row[INDEX["sliding"]] == pytest.approx(lost, rel=1e-9)

@@ -176,27 +176,6 @@ def test_losses_are_recorded_where_they_occur(kernels):
     )
 
 
-@pytest.mark.validate
-def test_the_energy_that_a_point_loses_by_sliding_over_the_bent_wall_is_recorded(
-    kernels,
-):
-    # On a bent surface l jumps when a point passes from one spring to the next. The
-    # energy changes by this amount at any step; the remaining imbalance falls with the
-    # square of the step.
-    lattice, velocities, model = bouncing("pinned", N, 0.0)
-    velocities[:N] = [0.2, -0.3]
-    found = []
-    for stride in (100, 200):
-        simulation = kernels.simulation(lattice, model, VV, velocities, 0.1 / stride)
-        halves = [advance(simulation, 20 * stride, stride) for _ in range(2)]
-        total = np.concatenate([half["total"] for half in halves])
-        found.append((np.abs(total - total[0]).max(), halves[1]["sliding"][-1]))
-    (coarse, slid), (fine, again) = found
-    assert coarse / fine == pytest.approx(4.0, abs=0.4)
-    assert slid == pytest.approx(again, rel=0.2)
-    assert abs(again) > 100 * fine
-
-
 @pytest.mark.parametrize(
     ("scene", "causes"),
     [

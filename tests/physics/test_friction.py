@@ -140,34 +140,6 @@ def test_a_throw_and_its_mirror_image_are_mirror_images(kernels):
     assert runs[0].series["com_vx"][-1] != 0.0
 
 
-@pytest.mark.validate
-def test_a_frictionless_throw_at_an_angle_equals_that_of_dop853(kernels):
-    settings = (
-        "lattice.points=150",
-        "time.safety=0.3",
-        "impact.angle=-0.8",
-        "impact.spin=0.02",
-        "impact.velocity=0.03",
-    )
-    scenario, outcome, found = impact(kernels, *settings)
-    solver = reference.Model(scenario.lattice, scenario.model)
-    end = outcome.series["t"][-1]
-    x, v = solver.solve(
-        scenario.lattice.positions, scenario.velocities, (0.0, end), rtol=1e-10
-    )[-1]
-    arm = x - x.mean(axis=0)
-    v_cm = v.mean(axis=0)
-    spin = np.mean(arm[:, 0] * v[:, 1] - arm[:, 1] * v[:, 0]) / inertia(scenario)
-    assert found["restitution"] == pytest.approx(
-        v_cm[1] / (0.03 * np.cos(0.8)), abs=2e-5
-    )
-    assert outcome.series["angular_momentum"][-1] / inertia(scenario) == pytest.approx(
-        spin, abs=1e-6
-    )
-    assert v_cm[0] == pytest.approx(-0.03 * np.sin(0.8), abs=1e-12)
-    assert found["tangential_impulse"] == pytest.approx(0.0, abs=1e-12)
-
-
 def test_sliding_is_of_order_2_against_dop853(kernels):
     # While every point slides to the right, friction is -mu times the push: a smooth
     # force, which SciPy takes.

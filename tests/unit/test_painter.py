@@ -2,29 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from bodies import RIGID
-
-from taichi_disk.lattice import disk_lattice
-from taichi_disk.physics import Springs
-from taichi_disk.render.painter import Painter
-
-DISK = disk_lattice(60, 0)
-
-
-def painter(**attributes):
-    made = Painter(
-        replace(DISK, positions=DISK.positions + [0.0, 1.05]), Springs(), RIGID
-    )
-    vars(made).update(
-        {"colour": "pressure", "limit": 0.02, "full_force": 0.01, "edge": 0.03}
-        | attributes
-    )
-    return made
+from bodies import painter
 
 
 def test_arrows_that_would_touch_become_their_mean_and_weak_ones_are_left_out():

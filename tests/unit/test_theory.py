@@ -60,28 +60,6 @@ def test_without_viscosity_the_impact_conserves_energy(v: float) -> None:
     )
 
 
-@pytest.mark.parametrize("v", [3e-3, 5e-2])
-def test_a_small_viscosity_takes_the_power_of_its_dashpot_over_the_elastic_impact(
-    v: float,
-) -> None:
-    # 1 - e = (2 tau0/v^2) int_0^xi_max pi E/ln(4/xi) sqrt(v^2 - 2 U) dxi + O(tau0^2),
-    # taken with xi = xi_max (1 - s^2).
-    top = quasistatic_impact(v, 0.0, E).compression
-
-    def power(s: float) -> float:
-        x = top * (1 - s * s)
-        speed = math.sqrt(max(v**2 - twice_potential(x), 0.0))
-        return 2 * math.pi * E / v**2 * speed / math.log(4 / x) * 2 * top * s
-
-    slopes = [
-        (1 - quasistatic_impact(v, tau, E).restitution) / tau for tau in (2e-3, 1e-3)
-    ]
-    # Extrapolate, because the slope has an error of O(tau).
-    assert 2 * slopes[1] - slopes[0] == pytest.approx(
-        quad(power, 0, 1 - 1e-9)[0], rel=1e-5
-    )
-
-
 def test_a_constant_logarithm_would_make_the_impact_a_damped_oscillator() -> None:
     # As v -> 0, ln(4/xi) hardly changes in an impact: z'' = -w^2 (z + tau z'), w^2 = pi
     # E/L, until the force vanishes.

@@ -7,15 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bodies import RIGID
+from bodies import painter
 from PIL import Image, ImageDraw
 
-from taichi_disk.lattice import disk_lattice
-from taichi_disk.physics import Springs
 from taichi_disk.render import letters as fonts
 from taichi_disk.render.letters import LEAST, Letters, lacking
 from taichi_disk.render.moments import Caption
-from taichi_disk.render.painter import Painter
 from taichi_disk.render.pictures import Disk, arranged
 from taichi_disk.render.words import (
     Legend,
@@ -27,19 +24,6 @@ from taichi_disk.render.words import (
     legend,
     round_below,
 )
-
-DISK = disk_lattice(60, 0)
-
-
-def painter(**attributes):
-    made = Painter(
-        replace(DISK, positions=DISK.positions + [0.0, 1.05]), Springs(), RIGID
-    )
-    vars(made).update(
-        {"colour": "pressure", "limit": 0.02, "full_force": 0.01, "edge": 0.03}
-        | attributes
-    )
-    return made
 
 
 def test_numbers_are_written_as_in_print():
