@@ -19,7 +19,7 @@ from taichi_disk.computation.stability import spectrum
 from taichi_disk.computation.step_control import StepControl
 from taichi_disk.fields import Triangles
 from taichi_disk.integrators import Integrator
-from taichi_disk.lattice import Lattice, disk_lattice, with_wall
+from taichi_disk.lattice import Lattice, with_wall
 from taichi_disk.lattice.lattice import double_area, polygon_area
 from taichi_disk.physics import (
     ElasticWall,
@@ -75,13 +75,13 @@ def pressed(load, eta=0.0, k_b=1.0, wall=RIGID):
 
 def disk(points=100, seed=0, height=None):
     """Return a disk, with its lowest point at y = `height` if that is given."""
-    lattice = disk_lattice(points, seed)
+    lattice = Lattice.disk(points, seed)
     lift = 0.0 if height is None else height - lattice.positions[:, 1].min()
     return replace(lattice, positions=lattice.positions + np.array([0.0, lift]))
 
 
 def disk_and_wall(points=100, wall=120, height=0.03):
-    lattice = with_wall(disk_lattice(points, 0), wall, 3.0, 0)
+    lattice = with_wall(Lattice.disk(points, 0), wall, 3.0, 0)
     lattice.positions[:points, 1] += height
     return lattice
 

@@ -14,12 +14,12 @@ import numpy as np
 from scipy.sparse import csr_matrix, diags
 from scipy.sparse.linalg import eigsh
 
-from taichi_disk.lattice import disk_lattice
+from taichi_disk.lattice import Lattice
 
 
 def restitution(points: int, seed: int, velocity: float, a: float = 3000.0) -> float:
     """Return e on the wall exp(-a y) per point, with k_a = 1, by velocity Verlet."""
-    lattice = disk_lattice(points, seed)
+    lattice = Lattice.disk(points, seed)
     x, (i, j), m = lattice.positions, lattice.bonds.T, len(lattice.bonds)
     direction = (x[i] - x[j]) / lattice.rest_lengths[:, None]
     rows = np.repeat(np.arange(m), 4)

@@ -21,13 +21,7 @@ runtime.start()
 
 from taichi_disk.computation.stability import spectrum, step_limit  # noqa: E402
 from taichi_disk.integrators import VELOCITY_VERLET  # noqa: E402
-from taichi_disk.lattice import (  # noqa: E402
-    Lattice,
-    Moduli,
-    bulk_moduli,
-    disk_lattice,
-    with_wall,
-)
+from taichi_disk.lattice import Lattice, Moduli, bulk_moduli, with_wall  # noqa: E402
 from taichi_disk.physics import (  # noqa: E402
     ElasticWall,
     MatchedBoundary,
@@ -61,7 +55,7 @@ def reflect(
     """
     moduli, depth = bulk_moduli(points, seed, 1.0, 0.7), 10.0 * sigma
     lattice = with_wall(
-        disk_lattice(points, seed), round(points * WIDTH * depth / np.pi), WIDTH, seed
+        Lattice.disk(points, seed), round(points * WIDTH * depth / np.pi), WIDTH, seed
     )
     lattice.positions[:points, 1] += 10.0  # the disk hangs far above, at rest
     along = 1 if wave == "p" else 0  # the component that the wave moves

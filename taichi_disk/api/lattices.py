@@ -107,7 +107,7 @@ def compare_lattices(
 
 
 def _numbers(outcome: Outcome) -> dict[str, float]:
-    numbers = dict(outcome.scenario.result(outcome.series))
+    numbers = outcome.scenario.result(outcome.series)
     if outcome.scenario.is_thrown:
         numbers["vibration_left"] = outcome.summary["energy"]["vibration_left"]
     return numbers

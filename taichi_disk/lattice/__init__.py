@@ -9,6 +9,3 @@ from taichi_disk.lattice.own_start import OwnStart, own_start, own_velocities
 from taichi_disk.lattice.random_points import circle_faults
 from taichi_disk.lattice.triangles import Array
 from taichi_disk.lattice.wall import check_thickness, with_wall
-
-disk_lattice = Lattice.disk
-read_lattice = Lattice.read

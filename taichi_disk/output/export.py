@@ -101,7 +101,7 @@ def _in_a_line(scene: DiskScene) -> str:
         sort_keys=False,
         width=inf,
     )
-    return str(text).strip().replace('"', "'")
+    return text.strip().replace('"', "'")
 
 
 def _write_xyz(

@@ -31,9 +31,7 @@ from taichi_disk.lattice import (
     OwnStart,
     bulk_moduli,
     circle_faults,
-    disk_lattice,
     own_velocities,
-    read_lattice,
 )
 from taichi_disk.scenes.conflicts import Conflicts
 
@@ -205,13 +203,13 @@ class DiskScene(Frozen):
         return 0.0
 
     def body(self) -> Lattice:
-        """Return the unloaded lattice. Raises InputError as `disk_lattice` does, or if
+        """Return the unloaded lattice. Raises InputError as `Lattice.disk` does, or if
         the file holds no disk."""
         spec = self.lattice
         if spec.file != "none":
-            return read_lattice(spec.file)
+            return Lattice.read(spec.file)
         core = spec.core_radius, spec.core_stiffness, spec.core_density
-        return disk_lattice(
+        return Lattice.disk(
             spec.points, spec.seed, spec.rim, spec.min_spacing, spec.hole, *core
         )
 

@@ -14,7 +14,7 @@ from bodies import computed, non_uniform
 from taichi_disk import load_scene
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.fields import Triangles, point_stress
-from taichi_disk.lattice import disk_lattice, with_wall
+from taichi_disk.lattice import Lattice, with_wall
 from taichi_disk.output import export
 from taichi_disk.output.export import check_export, export_run
 from taichi_disk.physics import ElasticWall, Model, Springs
@@ -23,7 +23,7 @@ TIMES = np.array([0.0, 0.5, 1.0])
 SINGLE = {"rtol": 1e-6, "atol": 1e-7}
 # A small disk of non-uniform points and springs that sinks onto an elastic wall and is
 # squeezed.
-LATTICE = non_uniform(with_wall(disk_lattice(40, seed=1), 60, 3.0, seed=1))
+LATTICE = non_uniform(with_wall(Lattice.disk(40, seed=1), 60, 3.0, seed=1))
 MODEL = Model(Springs(1.3, 0.2, 0.5), ElasticWall(300.0, 150.0, 0.1))
 SCENE = load_scene("absorbing_wall", ["lattice.points=40", "lattice.seed=1"])
 SCENARIO = SimpleNamespace(stored_scene=SCENE, lattice=LATTICE, model=MODEL)

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from taichi_disk import runtime
 from taichi_disk.engine import ti
 from taichi_disk.fields import QUANTITIES, Triangles, at_points
-from taichi_disk.lattice import Lattice, disk_lattice, with_wall
+from taichi_disk.lattice import Lattice, with_wall
 from taichi_disk.physics import ElasticWall, ExponentialWall, Springs
 from taichi_disk.render import film_problem
 from taichi_disk.render.geometry import Camera
@@ -25,7 +25,7 @@ from taichi_disk.render.pictures import shrunk
 pytestmark = pytest.mark.skipif(film_problem() is not None, reason=str(film_problem()))
 SIZE = 360
 CAMERA = Camera.fit((-1.15, 1.15, -0.1, 2.2), SIZE, SIZE, (0.0, SIZE, 0.0, SIZE))
-DISK = disk_lattice(400, 0)
+DISK = Lattice.disk(400, 0)
 X, V = shaken(DISK, 0, 2e-3)
 X += [0.0, 1.1]
 
@@ -99,7 +99,7 @@ def test_colours_equal_the_field_s_values(shoot, colour):
 @pytest.mark.parametrize("draw", ["field", "both", "springs", "points"])
 @pytest.mark.parametrize("points", [3, 20, 2000])
 def test_a_disk_of_any_number_of_points_is_seen_whole(shoot, points, draw):
-    disk = disk_lattice(points, 1)
+    disk = Lattice.disk(points, 1)
     x = disk.positions + [0.0, 1.1]
     rows, columns = np.nonzero(
         np.abs(shoot(disk, x, draw=draw, theme="dark") - ground("dark")).sum(axis=-1)
@@ -117,7 +117,7 @@ def test_a_disk_of_any_number_of_points_is_seen_whole(shoot, points, draw):
 
 def test_springs_are_seen_on_the_field_of_a_coarse_lattice_only(shoot):
     x = DISK.positions + [0.0, 1.1]
-    fine = disk_lattice(9000, 0)
+    fine = Lattice.disk(9000, 0)
     plain = shoot(DISK, x)
     sprung = shoot(DISK, x, draw="both")
     i, j = DISK.bonds[::5].T
@@ -180,7 +180,7 @@ def test_the_wall_is_solid_up_to_where_the_disk_rests(shoot, theme, a):
 
 
 def test_the_potential_of_the_elastic_wall_is_drawn_as_a_layer(shoot):
-    both = with_wall(disk_lattice(200, 1), 220, 2.2, 0)
+    both = with_wall(Lattice.disk(200, 1), 220, 2.2, 0)
     x = both.positions + [0.0, 0.9]
     x[:200] += [0.0, 0.3]
     picture = shoot(both, x, wall=ElasticWall(300.0, 150.0, 0.5), edge=0.05)
@@ -213,7 +213,7 @@ def test_springs_across_triangles_and_the_edge_of_a_core_are_drawn(shoot):
         part = a + 0.3 * (b - a)
         column, row = to_pixels(CAMERA, part).astype(int)
         assert darker[row - 1 : row + 2, column - 1 : column + 2].any()
-    core = disk_lattice(400, 0, core_radius=0.5, core_stiffness=2.0)
+    core = Lattice.disk(400, 0, core_radius=0.5, core_stiffness=2.0)
     x = core.positions + [0.0, 1.1]
     ink = shoot(core, x).sum(axis=-1) < 1.5
     turns = np.linspace(0.0, 6.2, 40)

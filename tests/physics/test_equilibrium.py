@@ -15,7 +15,7 @@ from scipy.optimize import brentq, minimize, root
 
 from taichi_disk.computation.outcome import compute
 from taichi_disk.errors import SimulationError
-from taichi_disk.lattice import Lattice, bulk_moduli, disk_lattice
+from taichi_disk.lattice import Lattice, bulk_moduli
 from taichi_disk.physics import ExponentialWall, Load, Model, Springs
 from taichi_disk.scenes import load_scene
 from taichi_disk.statics.equilibrium import (
@@ -59,7 +59,7 @@ def spread(x):
 @pytest.mark.parametrize("a", [30.0, 30000.0])
 @pytest.mark.parametrize("pressure", [1e-3, 5e-2])
 def test_it_comes_to_rest_for_soft_and_hard_walls_and_all_loads(rim, a, pressure):
-    lattice = disk_lattice(150, 1, rim, 0.7 if rim else 0.0)
+    lattice = Lattice.disk(150, 1, rim, 0.7 if rim else 0.0)
     model = pressed(pressure, k_b=1e-3, wall=ExponentialWall(a, 150.0))
     rest = rest_of(lattice, model)
     x = rest.positions
@@ -78,7 +78,7 @@ def test_it_comes_to_rest_for_soft_and_hard_walls_and_all_loads(rim, a, pressure
 
 
 def test_it_is_the_minimum_that_bfgs_finds():
-    lattice = disk_lattice(40, 0)
+    lattice = Lattice.disk(40, 0)
     plain = reference.Model(lattice, MODEL)
     found = minimize(
         lambda x: plain.potential(x.reshape(-1, 2)),
@@ -133,12 +133,12 @@ def test_a_hexagon_balanced_on_its_corner_tips_over_onto_a_side():
 
 def test_an_equilibrium_that_is_not_found_is_an_error():
     with pytest.raises(SimulationError, match="within 3 Newton iterations"):
-        rest_of(disk_lattice(1099, 0), MODEL, max_iterations=3)
+        rest_of(Lattice.disk(1099, 0), MODEL, max_iterations=3)
     with pytest.raises(
         SimulationError, match=r"could not lower the energy.*compression\.pressure"
     ):
         rest_of(
-            disk_lattice(8, 0),
+            Lattice.disk(8, 0),
             Model(Springs(1e-6), ExponentialWall(1e6, 150.0), Load(1.0)),
         )
 
@@ -163,7 +163,7 @@ def test_a_rigid_disk_lies_with_its_centre_of_mass_as_low_as_it_can():
 
 def test_it_does_not_matter_how_the_lattice_is_turned_when_it_is_put_down():
     scene = load_scene("compression", ("compression.method=newton",))
-    lattice = disk_lattice(150, 0, False, 0.0)
+    lattice = Lattice.disk(150, 0, False, 0.0)
     found = []
     for angle in (0.0, 1.0, -2.0):
         scenario = scene.scenario(
@@ -381,7 +381,7 @@ def test_xi_is_near_that_of_the_continuum():
     # Michell's series for one contact and a uniform body force: xi = P/(pi E) {ln(pi E
     # R/P) - (1 + nu)/4}, with the moduli of a stretch test. The wall is not quite hard
     # and the lattice not quite a continuum: 2 to 7 % lower.
-    lattice = disk_lattice(1099, 0)
+    lattice = Lattice.disk(1099, 0)
     moduli = bulk_moduli(1099, 0, 1.0, 0.7)
     pressure = 1.6e-2
     E = moduli.young
@@ -397,7 +397,7 @@ def test_springs_that_are_strained_without_a_load_rest_before_xi_counts(
 ):
     # Springs 1 % longer than their distances only make the body 1 % larger.
     scene = load_scene("compression", [f"compression.method={method}"])
-    disk = disk_lattice(100, 0)
+    disk = Lattice.disk(100, 0)
     strained = Lattice.from_points(disk.positions, disk.bonds, 1.01 * disk.rest_lengths)
     found = []
     for lattice in (strained, Lattice.from_points(1.01 * disk.positions)):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from taichi_disk.fields import Triangles, stress
-from taichi_disk.lattice import bulk_moduli, disk_lattice
+from taichi_disk.lattice import Lattice, bulk_moduli
 from taichi_disk.physics import ExponentialWall, Load, Model, Springs
 from taichi_disk.statics.equilibrium import (
     place_on_wall,
@@ -18,7 +18,7 @@ from taichi_disk.statics.equilibrium import (
 
 def pressed(points, seed, a, pressure):
     """Return lattice, model and positions of a disk at rest."""
-    disk = disk_lattice(points, seed)
+    disk = Lattice.disk(points, seed)
     wall = ExponentialWall(a, 150.0)
     model = Model(Springs(1.0, 1e-3), wall, Load(pressure))
     start = place_on_wall(

@@ -14,7 +14,7 @@ from bodies import assert_tiles, holes_of
 from scipy.spatial import cKDTree
 
 from taichi_disk.errors import InputError
-from taichi_disk.lattice import Lattice, disk_lattice, files, read_lattice, with_wall
+from taichi_disk.lattice import Lattice, files, with_wall
 from taichi_disk.lattice.own_start import OwnStart, own_start
 from taichi_disk.scenes import load_scene
 
@@ -37,7 +37,7 @@ SLANTED = CROSSED[RISE < 1e-9]
 
 
 def test_points_keep_their_numbers_and_make_the_same_disk():
-    disk = disk_lattice(1099, 0)
+    disk = Lattice.disk(1099, 0)
     order = np.random.default_rng(0).permutation(1099)
     again = Lattice.from_points(disk.positions[order])
     assert (again.positions == disk.positions[order]).all()
@@ -68,7 +68,7 @@ def test_round_hexagonal_lattice_has_no_spring_beyond_second_neighbours(digits):
 
 
 def test_wide_triangles_of_points_at_random_are_dropped_and_nothing_else():
-    literal = disk_lattice(1099, 0, rim=False, min_spacing=0.0)
+    literal = Lattice.disk(1099, 0, rim=False, min_spacing=0.0)
     lattice = Lattice.from_points(literal.positions)
     assert_tiles(lattice.positions, lattice.triangles, lattice.disk_surface)
     assert literal.rest_lengths.max() > 8 * np.median(literal.rest_lengths)
@@ -80,7 +80,7 @@ def test_wide_triangles_of_points_at_random_are_dropped_and_nothing_else():
 
 def test_points_at_random_always_make_a_body():
     for seed in range(60):
-        points = disk_lattice(60, seed, rim=False, min_spacing=0.0).positions
+        points = Lattice.disk(60, seed, rim=False, min_spacing=0.0).positions
         centred = points - [points[:, 0].mean(), 0.0]
         assert len(Lattice.from_points(centred).masses) == 60
 
@@ -110,7 +110,7 @@ def test_springs_that_cross_need_triangles():
 
 @pytest.mark.parametrize("hole", [0.0, 0.3])
 def test_springs_of_a_disk_enclose_its_triangles(hole):
-    disk = disk_lattice(300, 1, hole=hole)
+    disk = Lattice.disk(300, 1, hole=hole)
     again = Lattice.from_points(disk.positions, disk.bonds)
     corners = {frozenset(three) for three in again.triangles.tolist()}
     assert corners == {frozenset(three) for three in disk.triangles.tolist()}
@@ -152,16 +152,16 @@ def test_points_that_make_no_disk_are_refused_with_the_place(arguments, message)
 
 def test_the_disk_of_a_runs_lattice_is_read_from_npz(tmp_path):
     core = {"core_radius": 0.6, "core_stiffness": 3.0, "core_density": 2.0}
-    plain = disk_lattice(200, 0, **core)
+    plain = Lattice.disk(200, 0, **core)
     both = with_wall(plain, 300, 3.0, 0)
     names = ("positions", "bonds", "rest_lengths", "masses", "disk_points", "stiffness")
     np.savez(tmp_path / "lattice.npz", **{name: getattr(both, name) for name in names})
-    disk = read_lattice(str(tmp_path / "lattice.npz"))
+    disk = Lattice.read(str(tmp_path / "lattice.npz"))
     assert (disk.positions == both.positions[:200]).all()
     for name in ("bonds", "rest_lengths", "masses", "stiffness"):
         assert (getattr(disk, name) == getattr(plain, name)).all()
     np.savez(tmp_path / "points.npz", positions=ROUND)
-    assert (read_lattice(tmp_path / "points.npz").positions == ROUND).all()
+    assert (Lattice.read(tmp_path / "points.npz").positions == ROUND).all()
     short = {
         "positions": both.positions,
         "bonds": both.bonds,
@@ -170,10 +170,10 @@ def test_the_disk_of_a_runs_lattice_is_read_from_npz(tmp_path):
     for number in (disk.disk_points, np.inf):
         np.savez(tmp_path / "short.npz", **short, disk_points=number)
         with pytest.raises(InputError, match=r"short\.npz"):
-            read_lattice(tmp_path / "short.npz")
+            Lattice.read(tmp_path / "short.npz")
     np.savez(tmp_path / "a.npz", x=ROUND)
     with pytest.raises(InputError, match="no array positions, only x"):
-        read_lattice(tmp_path / "a.npz")
+        Lattice.read(tmp_path / "a.npz")
 
 
 @pytest.mark.parametrize(
@@ -190,14 +190,14 @@ def test_files_that_hold_no_disk_are_refused_by_name(tmp_path, name, content, me
     if content is not None:
         (tmp_path / name).write_bytes(content)
     with pytest.raises(InputError, match=re.escape(message)) as refusal:
-        read_lattice(tmp_path / name)
+        Lattice.read(tmp_path / name)
     assert str(tmp_path / name) in str(refusal.value)
 
 
 @pytest.mark.parametrize("offset", [[0.0, 1e6], [0.0, -1000.0], [0.0, 2.0]])
 @pytest.mark.parametrize(
     "points",
-    [ROUND, GRID, *(disk_lattice(n, n, rim=n > 200).positions for n in (60, 250))],
+    [ROUND, GRID, *(Lattice.disk(n, n, rim=n > 200).positions for n in (60, 250))],
 )
 def test_a_body_that_lies_far_away_gets_the_same_springs(points, offset):
     points = points - [points[:, 0].mean(), 0.0]
@@ -216,7 +216,7 @@ def changed(array, where, value):
     return array
 
 
-DISK = disk_lattice(50)
+DISK = Lattice.disk(50)
 
 
 @pytest.mark.parametrize(
@@ -368,7 +368,7 @@ def test_only_a_file_of_a_sensible_size_is_read(tmp_path, name, kind):
         "too large": "is larger than 500 MB",
     }
     with pytest.raises(InputError, match=f"{name}: {messages[kind]}"):
-        read_lattice(path)
+        Lattice.read(path)
 
 
 def numpy_file(shape, numbers):
@@ -392,7 +392,7 @@ def test_an_array_that_claims_all_memory_is_refused_before_it_is_read(
     ) as archive:
         archive.writestr("positions.npy", numpy_file(shape, numbers))
     with pytest.raises(InputError, match=message):
-        read_lattice(tmp_path / "a.npz")
+        Lattice.read(tmp_path / "a.npz")
 
 
 @pytest.mark.parametrize("number", [-1, 242, 2.5, [1, 2], "a", np.inf])
@@ -401,7 +401,7 @@ def test_a_file_s_number_of_points_is_one_it_has(tmp_path, number):
     with pytest.raises(
         InputError, match=r"a\.npz: disk_points: must be a whole number from 0 to 241"
     ):
-        read_lattice(tmp_path / "a.npz")
+        Lattice.read(tmp_path / "a.npz")
 
 
 @pytest.mark.parametrize(

@@ -18,11 +18,11 @@ from taichi_disk.fields import (
     point_stress,
     stress,
 )
-from taichi_disk.lattice import Lattice, disk_lattice, with_wall
+from taichi_disk.lattice import Lattice, with_wall
 from taichi_disk.physics import ElasticWall, ExponentialWall, Springs
 
 SPRINGS = Springs(1.3, 0.4)
-DISK = disk_lattice(300, 1)
+DISK = Lattice.disk(300, 1)
 DISK_MESH = Triangles(DISK)
 # Moduli of the perfect triangular lattice with k_a = 1.
 YOUNG = 2.0 / np.sqrt(3.0)
@@ -79,7 +79,7 @@ def test_springs_that_cross_triangles_and_the_edge_of_a_core_are_reported():
     )
     assert len(crossed.crossing) == len(ends) - len(PATCH.bonds)
     assert not len(MESH.crossing) + len(MESH.interfaces)
-    core = disk_lattice(300, 0, core_radius=0.5, core_stiffness=3.0)
+    core = Lattice.disk(300, 0, core_radius=0.5, core_stiffness=3.0)
     edge = Triangles(core).interfaces
     assert np.hypot(*core.positions[edge].reshape(-1, 2).T) == pytest.approx(
         np.full(2 * len(edge), 0.5), abs=1e-9
@@ -117,7 +117,7 @@ def test_the_integral_of_the_stress_is_the_virial_of_other_forces_and_of_inertia
     lattice = DISK
     wall = ExponentialWall(40.0, 0.02)
     if body == "literal disk":
-        lattice = disk_lattice(300, 2, rim=False, min_spacing=0.0)
+        lattice = Lattice.disk(300, 2, rim=False, min_spacing=0.0)
     if body == "disk and wall":
         lattice = with_wall(DISK, 260, 3.0, 0)
         wall = ElasticWall(40.0, 0.02, 0.5)

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from bodies import to_pixels
 
-from taichi_disk.lattice import disk_lattice
+from taichi_disk.lattice import Lattice
 from taichi_disk.physics import ExponentialWall
 from taichi_disk.render.geometry import Camera, edge_height, placed
 
-DISK = disk_lattice(60, 0)
+DISK = Lattice.disk(60, 0)
 
 
 def test_the_camera_shows_the_view_in_the_viewport_with_equal_scales():

@@ -14,7 +14,7 @@ from scipy.spatial.distance import pdist
 
 from taichi_disk.config.sections import LatticeSection
 from taichi_disk.errors import InputError, SimulationError
-from taichi_disk.lattice import Lattice, disk_lattice
+from taichi_disk.lattice import Lattice
 from taichi_disk.lattice.lattice import double_area, polygon_area, triangulate
 from taichi_disk.lattice.network import (
     bending_compliance,
@@ -45,7 +45,7 @@ from taichi_disk.lattice.random_points import (
 def test_points_keep_their_distance_in_the_circle_and_triangles_tile_their_outline(
     points, seed, rim, min_spacing
 ):
-    disk = disk_lattice(points, seed, rim, min_spacing)
+    disk = Lattice.disk(points, seed, rim, min_spacing)
     assert disk.positions.shape == (points, 2)
     assert disk.disk_points == points
     assert disk.masses == pytest.approx(np.full(points, 1 / points))
@@ -72,7 +72,7 @@ def test_points_keep_their_distance_in_the_circle_and_triangles_tile_their_outli
 
 @pytest.mark.parametrize("points", [7, 50, 1099])
 def test_rim_points_are_evenly_spaced_on_the_unit_circle_and_are_the_surface(points):
-    disk = disk_lattice(points, 3)
+    disk = Lattice.disk(points, 3)
     rim = disk.positions[disk.disk_surface]
     assert len(rim) == rim_points(points)
     assert np.hypot(*rim.T) == pytest.approx(np.ones(len(rim)), abs=4e-16)
@@ -94,7 +94,7 @@ def test_rim_points_are_evenly_spaced_on_the_unit_circle_and_are_the_surface(poi
 def test_a_hole_is_round_and_empty_and_the_points_are_as_many_as_asked(
     points, seed, rim, min_spacing, hole
 ):
-    disk = disk_lattice(points, seed, rim, min_spacing, hole)
+    disk = Lattice.disk(points, seed, rim, min_spacing, hole)
     r = np.hypot(*disk.positions.T)
     assert disk.positions.shape == (points, 2)
     assert np.ptp(disk.masses) == 0.0
@@ -128,7 +128,7 @@ def test_the_edges_of_hole_and_core_are_rings_of_springs_without_flat_triangles(
     # outline.
     spacing = min_spacing * hexagonal_spacing(300) * np.sqrt(1 - hole**2)
     for seed in range(3):
-        disk = disk_lattice(300, seed, True, min_spacing, hole, core)
+        disk = Lattice.disk(300, seed, True, min_spacing, hole, core)
         off = np.abs(np.hypot(*disk.positions.T) - (hole or core))
         edge = np.flatnonzero(off < 1e-9)
         half_a_chord = (hole or core) * np.sin(np.pi / len(edge))
@@ -143,10 +143,10 @@ def test_the_edges_of_hole_and_core_are_rings_of_springs_without_flat_triangles(
 
 def test_a_core_has_the_points_and_springs_within_and_the_mean_on_its_edge():
     plain, core = (
-        disk_lattice(1099, 2, hole=0.2, core_radius=0.5, **options)
+        Lattice.disk(1099, 2, hole=0.2, core_radius=0.5, **options)
         for options in ({}, {"core_density": 3.0})
     )
-    stiff = disk_lattice(1099, 2, hole=0.2, core_radius=0.5, core_stiffness=10.0)
+    stiff = Lattice.disk(1099, 2, hole=0.2, core_radius=0.5, core_stiffness=10.0)
     assert plain.stiffness is core.stiffness is None
     assert np.ptp(plain.masses) == np.ptp(stiff.masses) == 0.0
     assert (core.positions == plain.positions).all()
@@ -191,7 +191,7 @@ def test_a_core_has_the_points_and_springs_within_and_the_mean_on_its_edge():
 )
 def test_holes_and_cores_that_cannot_be_are_refused(arguments, message):
     with pytest.raises(InputError, match=message):
-        disk_lattice(1099, 0, **arguments)
+        Lattice.disk(1099, 0, **arguments)
 
 
 @pytest.mark.parametrize("points", [30, 61, 150, 300, 1099, 5000])
@@ -205,7 +205,7 @@ def test_the_rim_s_spacing_is_that_of_a_hexagonal_lattice_inside(points):
 
 
 def test_the_disk_has_no_slivers():
-    disk = disk_lattice(1099, 0)
+    disk = Lattice.disk(1099, 0)
     corner = disk.positions[disk.triangles]
     side = np.roll(corner, -1, axis=1) - corner
     length = np.linalg.norm(side, axis=2)
@@ -218,14 +218,14 @@ def test_the_disk_has_no_slivers():
 
 
 def test_the_lattice_of_a_seed_is_the_same_everywhere():
-    disk = disk_lattice(300, 0)
+    disk = Lattice.disk(300, 0)
     data = disk.positions.tobytes() + disk.bonds.tobytes() + disk.rest_lengths.tobytes()
     assert hashlib.sha256(data).hexdigest()[:16] == "c5ae7cb2cdba8362"
-    assert disk.positions.tobytes() != disk_lattice(300, 1).positions.tobytes()
+    assert disk.positions.tobytes() != Lattice.disk(300, 1).positions.tobytes()
 
 
 def test_points_without_a_minimum_distance_are_uniform_in_the_circle():
-    x, y = disk_lattice(20_000, 0, rim=False, min_spacing=0.0).positions.T
+    x, y = Lattice.disk(20_000, 0, rim=False, min_spacing=0.0).positions.T
     # r^2 and the angle are uniform: means 1/2 and pi, with standard errors
     # range/sqrt(12 n); 4 of them.
     for value, width in ((x**2 + y**2, 1.0), (np.arctan2(y, x) + np.pi, 2 * np.pi)):
@@ -261,7 +261,7 @@ def test_scattered_points_are_as_dense_everywhere():
 def test_numbering_keeps_neighbours_close_in_memory():
     # A level of a breadth-first search through a disk has about 2/d = 1.05 sqrt(N)
     # points; a bond spans two levels.
-    assert np.abs(np.diff(disk_lattice(5000, 0).bonds, axis=1)).max() < 2.5 * np.sqrt(
+    assert np.abs(np.diff(Lattice.disk(5000, 0).bonds, axis=1)).max() < 2.5 * np.sqrt(
         5000
     )
 
@@ -289,7 +289,7 @@ def test_points_that_cannot_be_meshed_are_refused():
 def test_arguments_out_of_range_are_named_and_are_those_of_a_scene():
     for min_spacing in (0.76, -0.1, np.nan):
         with pytest.raises(InputError, match=r"lattice\.min_spacing must be between"):
-            disk_lattice(50, 0, True, min_spacing)
+            Lattice.disk(50, 0, True, min_spacing)
     allowed = "lattice.points: must be a whole number from 3 to 2,000,000, not"
     for points in (2, 2_000_001, "60", 60.5, np.nan):
         with pytest.raises(InputError, match=f"{allowed} {points!r}"):
@@ -305,7 +305,7 @@ def test_arguments_out_of_range_are_named_and_are_those_of_a_scene():
 
 @pytest.mark.parametrize("points", [20, 60])
 def test_largest_eigenvalue_is_that_of_the_dense_matrix(points):
-    disk = disk_lattice(points, 0)
+    disk = Lattice.disk(points, 0)
     masses = 1.0 + np.arange(points) / points
     stiffness = network_stiffness(disk.positions, disk.bonds, 1.0)
     scale = 1.0 / np.sqrt(np.repeat(masses, 2))

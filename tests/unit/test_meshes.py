@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from taichi_disk.errors import InputError
-from taichi_disk.lattice import Lattice, read_lattice
+from taichi_disk.lattice import Lattice
 
 DISK = Lattice.disk(60, seed=3)
 
@@ -43,7 +43,7 @@ def test_the_triangles_of_a_mesh_become_a_disk(tmp_path, name):
     path = tmp_path / name
     mesh = meshio.Mesh(solid(DISK.positions), [("triangle", DISK.triangles)])
     meshio.write(path, mesh, **FORMATS[name])
-    disk = read_lattice(path)
+    disk = Lattice.read(path)
     assert disk.origin == name
     assert disk.notes == ()
     assert (disk.triangles == DISK.triangles).all()
@@ -62,7 +62,7 @@ def test_a_mesh_is_flat_in_any_plane_of_axes_within_single_precision(
     points[:, axes] = DISK.positions
     noise = 3.5e-8 * np.random.default_rng(0).standard_normal((60, 3))
     path = write(tmp_path / "a.vtu", points + noise, ("triangle", DISK.triangles))
-    disk = read_lattice(path)
+    disk = Lattice.read(path)
     assert disk.positions == pytest.approx(DISK.positions, abs=1e-6)
     assert disk.notes == tuple(f"a.vtu lies in the plane of {one}" for one in note)
 
@@ -71,7 +71,7 @@ def test_lengths_of_a_mesh_are_radii(tmp_path):
     points = solid(25.0 * DISK.positions)
     path = write(tmp_path / "a.vtu", points, ("triangle", DISK.triangles))
     with pytest.raises(InputError, match="lengths are in units of the disk's radius R"):
-        read_lattice(path)
+        Lattice.read(path)
 
 
 def test_a_package_that_a_format_needs_is_named(tmp_path, monkeypatch):
@@ -82,7 +82,7 @@ def test_a_package_that_a_format_needs_is_named(tmp_path, monkeypatch):
     path = tmp_path / "a.med"
     path.write_bytes(b"-")
     with pytest.raises(InputError, match=r"\(it needs h5py: .* install 'h5py'\): conv"):
-        read_lattice(path)
+        Lattice.read(path)
 
 
 def test_points_without_triangles_and_on_sides_are_left_out_with_a_note(tmp_path):
@@ -135,7 +135,7 @@ def test_a_mesh_that_is_no_disk_is_refused_in_a_sentence(
 ):
     path = write(tmp_path / "a.vtu", points, cells)
     with pytest.raises(InputError) as refusal:
-        read_lattice(path)
+        Lattice.read(path)
     text = str(refusal.value)
     assert text.startswith(f"lattice.file: {path}: ")
     assert message in text
@@ -149,7 +149,7 @@ def test_a_damaged_mesh_is_refused_and_nothing_is_printed(
     path = tmp_path / name
     path.write_bytes(content)
     with pytest.raises(InputError, match=f"^lattice.file: {re.escape(str(path))}: "):
-        read_lattice(path)
+        Lattice.read(path)
     assert capfd.readouterr() == ("", "")
 
 
@@ -157,7 +157,7 @@ def test_without_meshio_the_message_says_how_to_install_it(tmp_path, monkeypatch
     path = write(tmp_path / "a.vtu", solid(DISK.positions), ("line", [[0, 1]]))
     monkeypatch.setitem(sys.modules, "meshio", None)
     with pytest.raises(InputError, match=r"pip install '\.\[export\]'"):
-        read_lattice(path)
+        Lattice.read(path)
 
 
 def test_meshio_is_imported_only_for_a_mesh():

@@ -9,7 +9,7 @@ from bodies import ELASTIC, disk_and_wall
 from taichi_disk import runtime
 from taichi_disk.errors import InputError
 from taichi_disk.integrators import INTEGRATORS
-from taichi_disk.lattice import Lattice, read_lattice
+from taichi_disk.lattice import Lattice
 from taichi_disk.lattice.own_start import OwnStart, own_start
 from taichi_disk.physics import Model, Springs
 from taichi_disk.scenes import load_scene
@@ -43,7 +43,7 @@ def store(path, **changes):
 
 
 def test_a_stored_lattice_is_restored_bit_for_bit(tmp_path):
-    disk = read_lattice(store(tmp_path / "a.npz"))
+    disk = Lattice.read(store(tmp_path / "a.npz"))
     assert disk.origin == "mine"
     assert disk.notes == ()
     for name in set(STORED) - {"unloaded", "origin"}:
@@ -63,7 +63,7 @@ INNER = int(np.setdiff1d(np.arange(60), DISK.disk_surface)[0])
     ],
 )
 def test_the_outline_is_that_of_the_triangles_whatever_a_file_says(tmp_path, changes):
-    disk = read_lattice(store(tmp_path / "a.npz", **changes))
+    disk = Lattice.read(store(tmp_path / "a.npz", **changes))
     assert disk.disk_surface.tobytes() == DISK.disk_surface.tobytes()
 
 
@@ -87,7 +87,7 @@ def test_the_outline_is_that_of_the_triangles_whatever_a_file_says(tmp_path, cha
 def test_a_stored_lattice_is_checked_as_what_a_user_gives(tmp_path, changes, message):
     path = store(tmp_path / "a.npz", **changes)
     with pytest.raises(InputError) as refusal:
-        read_lattice(path)
+        Lattice.read(path)
     text = str(refusal.value)
     assert text.startswith(f"lattice.file: {path}: ")
     assert message in text

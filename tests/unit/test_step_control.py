@@ -29,7 +29,7 @@ from taichi_disk.integrators import (
     VELOCITY_VERLET,
 )
 from taichi_disk.integrators.trapezoidal import factorise
-from taichi_disk.lattice import disk_lattice
+from taichi_disk.lattice import Lattice
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import MAX_STEPS
 
@@ -252,7 +252,7 @@ def test_order_4_is_taken_where_forces_are_smooth_and_depend_on_positions_alone(
 def test_the_elimination_order_keeps_the_factor_of_the_dashpots_sparse():
     # Minimum degree order: some 15,000 entries for 1099 points (3,187 springs); the
     # points' own order gives ten times that.
-    lattice = disk_lattice(1099, 0)
+    lattice = Lattice.disk(1099, 0)
     assert len(lattice.bonds) < len(factorise(lattice, damped(0.1), 0.01).row) < 20_000
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taichi_disk.errors import InputError
-from taichi_disk.lattice import Lattice, read_lattice
+from taichi_disk.lattice import Lattice
 from taichi_disk.lattice.tables import read_table
 
 POINTS = Lattice.disk(60, seed=3).positions
@@ -53,7 +53,7 @@ def test_masses_are_read_by_name():
 def test_a_file_makes_a_lattice_and_a_note(tmp_path, encoding, suffix):
     path = tmp_path / f"points{suffix}"
     path.write_text(TABLES["pandas, tabs"], encoding=encoding)
-    lattice = read_lattice(path)
+    lattice = Lattice.read(path)
     assert (lattice.positions == POINTS).all()
     assert lattice.notes == ("60 points; x, y, no masses",)
     path.write_text(table("x,y,mass\n", "{x},{y},{k}.5\n"), encoding=encoding)

@@ -11,12 +11,12 @@ from bodies import assert_tiles
 from scipy.spatial.distance import pdist
 
 from taichi_disk.errors import InputError
-from taichi_disk.lattice import disk_lattice, with_wall
+from taichi_disk.lattice import Lattice, with_wall
 from taichi_disk.lattice.random_points import hexagonal_spacing, rim_points
 from taichi_disk.lattice.triangles import polygon_area
 from taichi_disk.lattice.wall import wall_height
 
-DISK = disk_lattice(1099, 0)
+DISK = Lattice.disk(1099, 0)
 PAPER = with_wall(DISK, 1269, 3.8, 0)
 LITERAL = with_wall(DISK, 1269, 3.8, 0, False, 0.0)
 HEIGHT = math.pi * 1269 / (1099 * 3.8)  # equal points per area

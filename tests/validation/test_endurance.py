@@ -20,7 +20,7 @@ from taichi_disk.integrators import (
     VELOCITY_VERLET,
     Integrator,
 )
-from taichi_disk.lattice import disk_lattice
+from taichi_disk.lattice import Lattice
 from taichi_disk.physics import ExponentialWall, Load, Model, Springs
 from taichi_disk.simulation.observables import ENERGY_INDICES, INDEX
 from taichi_disk.simulation.simulation import KernelCache, Simulation
@@ -73,7 +73,7 @@ def test_steps_below_the_limit_stay_bounded_and_above_blow_up(
     integrator: Integrator, eta_star: float, pressed: bool, kernels: KernelCache
 ) -> None:
     for k_a in (1e-3, 1.0, 1e3):
-        lattice = disk_lattice(POINTS, 0)
+        lattice = Lattice.disk(POINTS, 0)
         springs = Springs(k_a, 0.0, eta_star / POINTS)
         point_force = 0.0
         model = Model(springs)
@@ -126,7 +126,7 @@ def wander(
     A free disk vibrates at strains of some per cent, or a disk bounces on the rigid
     wall, where energy moves between flight and vibration all the time.
     """
-    disk = disk_lattice(POINTS, 0)
+    disk = Lattice.disk(POINTS, 0)
     model = Model(Springs(1.0, 1e-3))
     force = 0.0
     v = 0.003 * np.random.default_rng(seed).standard_normal((POINTS, 2))
@@ -184,7 +184,7 @@ def test_corrected_forces_change_the_energy_of_white_noise_by_some_per_cent(
 ) -> None:
     # Velocities are independent from point to point, so that the fastest modes have
     # their share. Measured: -0.8 to +2.7 % in a million steps.
-    lattice = disk_lattice(points, 0)
+    lattice = Lattice.disk(points, 0)
     model = Model(Springs())
     limits = spectrum(lattice, model)
     limit = step_limit(limits, model, TAKAHASHI_IMADA, 0.0)
