@@ -257,11 +257,12 @@ def test_fringes_follow_the_difference_of_the_principal_stresses():
     for order, bright in ((0.0, 0.0), (0.5, 1.0), (1.0, 0.0), (1.25, 0.5), (2.5, 1.0)):
         fringe = 1e-4
         x = strained(0.0, 0.0, 0.5 * order * fringe * (1.0 + POISSON) / YOUNG)
-        light = fringes(
-            0.5 * at_points("fringes", MESH, Springs(1.0), x, np.zeros_like(x)), fringe
-        )
+        difference = at_points("fringes", MESH, Springs(1.0), x, np.zeros_like(x))
+        light = np.sin(np.pi * difference / fringe) ** 2
         assert light[middle] == pytest.approx(bright, abs=2e-3)
-    assert fringes(np.array([0.3])) == pytest.approx(np.sin(5 * np.pi) ** 2, abs=1e-12)
+    # five fringes up to the largest difference, which is twice the shear stress
+    shear = np.array([0.0, 0.03, 0.06, 0.075, 0.3])
+    assert fringes(shear) == pytest.approx([0.0, 1.0, 0.0, 0.5, 0.0], abs=1e-12)
 
 
 def test_smoothing_keeps_uniform_values_and_averages_neighbours():
