@@ -8,16 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bodies import FALLING, FREE, computed, disk, non_uniform, pressed, shaken
+from bodies import FREE, computed, disk, non_uniform, pressed, shaken
 from numpy.testing import assert_allclose
-from scipy.linalg import eigh
 
 from taichi_disk import run
 from taichi_disk.computation.outcome import compute
 from taichi_disk.fields import Triangles, stress
-from taichi_disk.integrators import TRAPEZOIDAL, VELOCITY_VERLET
+from taichi_disk.integrators import TRAPEZOIDAL
 from taichi_disk.lattice import Lattice, bulk_moduli
-from taichi_disk.lattice.network import largest_eigenvalue
 from taichi_disk.output.files import write_lattice
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.observables import INDEX
@@ -65,49 +63,6 @@ def test_a_heavy_core_makes_a_spinning_disk_turn_slower_for_the_same_angular_mom
     assert spin == pytest.approx(0.1 * inertia, rel=0.05)  # a rim of whole points
     assert scenario.reference_energy == pytest.approx(
         0.5 * m @ (v * v).sum(axis=1), rel=1e-12
-    )
-
-
-@pytest.mark.validate
-def test_the_softest_vibration_of_a_composite_has_the_frequency_of_its_matrices(
-    kernels,
-):
-    # Leapfrog's own frequency of a mode is 2/h asin(h omega/2), exactly. SciPy's dense
-    # solver, of K summed up here.
-    lattice = Lattice.disk(
-        150, 1, core_radius=0.5, core_stiffness=8.0, core_density=5.0
-    )
-    h = 0.01
-    # out of the wall's reach
-    lattice = replace(lattice, positions=lattice.positions + [0.0, 2.0])
-    n = len(lattice.masses)
-    x = lattice.positions
-    K = np.zeros((2 * n, 2 * n))
-    for (i, j), k in zip(lattice.bonds, lattice.stiffness, strict=True):
-        e = (x[i] - x[j]) / np.hypot(*(x[i] - x[j]))
-        for a, b, sign in ((i, i, 1), (j, j, 1), (i, j, -1), (j, i, -1)):
-            K[2 * a : 2 * a + 2, 2 * b : 2 * b + 2] += sign * k * np.outer(e, e)
-    values, modes = eigh(K, np.diag(np.repeat(lattice.masses, 2)))
-    assert np.abs(values[:3]).max() < 1e-10 < 1e-3 * values[3]
-    omega = np.sqrt(values[3])
-    mode = modes[:, 3].reshape(-1, 2)
-    simulation = kernels.simulation(lattice, FALLING, VELOCITY_VERLET, 1e-6 * mode, h)
-    displaced = []
-    for _ in range(30):
-        simulation.advance(50)
-        displaced.append(
-            np.sum(lattice.masses[:, None] * mode * (simulation.positions() - x))
-        )
-    angle = 2.0 * np.arcsin(0.5 * h * omega)
-    expected = 1e-6 * h / np.sin(angle) * np.sin(50 * angle * np.arange(1, 31))
-    assert_allclose(displaced, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
-    assert largest_eigenvalue(
-        FREE.springs.stiffness(lattice, x), lattice.masses
-    ) == pytest.approx(values[-1], rel=1e-9)
-    # the masses matter
-    assert (
-        abs(omega / np.sqrt(eigh(K, np.eye(2 * n) / n, eigvals_only=True)[3]) - 1.0)
-        > 0.05
     )
 
 
