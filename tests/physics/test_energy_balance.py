@@ -131,7 +131,7 @@ def test_the_imbalance_falls_with_the_square_of_the_step(
     [
         ("rigid", 1.0, VV),
         ("rigid", 20.0, TRAPEZOIDAL),
-        ("matched", 3.0, VV),
+        pytest.param("matched", 3.0, VV, marks=LONG),
     ],
 )
 def test_the_imbalance_once_nothing_vibrates_falls_with_the_fourth_power(
