@@ -345,6 +345,8 @@ class Sandbox:
             self.time.spacing *= COLLECTING_SPACING
             self.paused = False
             self._load_before = before
+        elif self.time.segment.status == "finished":
+            self.paused = True  # as at the end of any other throw
         self.remaining_loads = loads
 
     def remove(self, number: float) -> None:
