@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import inf
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -338,7 +339,7 @@ class ImpactScenario(Scenario):
         )
         return POTENTIAL_CAUTION * gained / self.velocity
 
-    @property
+    @cached_property
     def reference_energy(self) -> float:
         """Initial kinetic energy [M c^2] without the part of the flight along the
         wall."""
