@@ -1,17 +1,27 @@
-"""Chromium or Firefox on a page of the sandbox, for tests and benchmarks."""
+"""Chromium or Firefox on a page, for tests and benchmarks."""
 
 from __future__ import annotations
 
+import base64
+import io
 import json
+import os
 import platform
 import re
 import shutil
+import signal
+import subprocess
+import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from PIL import Image
 
 TOOLS = [tool for tool in ("chromium", "chromedriver") if not shutil.which(tool)]
 MISSING = (
@@ -35,24 +45,39 @@ OPTIONS = (
     "--disable-dev-shm-usage",
     "--use-gl=angle",
     "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
 )
+SIZE = (1000, 760)  # of a page [px]
+# of a scene that is soon computed
+SETTINGS = ("lattice.points=120", "impact.velocity=0.05", "material.eta_star=1")
+ROOT = Path(__file__).parents[1]
 
 
 class Browser:
-    """A browser on the page. `driver` is selenium's; the page's object of class Sandbox
-    is `window.sandbox`."""
+    """A browser. `driver` is selenium's; the sandbox's object of class Sandbox is
+    `window.sandbox`."""
 
-    def __init__(self, size: tuple[int, int] = (1000, 760)) -> None:
+    def __init__(self, size: tuple[int, int] = SIZE) -> None:
         self._folder = tempfile.TemporaryDirectory()
         self.driver = self._started()
         self.resize(size)
+
+    def clear(self) -> None:
+        """Make the browser as it was at its start: no page, no errors, no files."""
+        self.script("if (location.protocol === 'http:') sessionStorage.clear()")
+        self.driver.get("about:blank")
+        self.resize(SIZE)
+        self.emulate()
+        self.errors()
+        for file in Path(self._folder.name).glob("disk.*"):
+            file.unlink()
 
     def _started(self) -> Any:
         from selenium import webdriver
         from selenium.webdriver.chrome.service import Service
 
         options = webdriver.ChromeOptions()
-        for option in (*OPTIONS, "--enable-unsafe-swiftshader"):
+        for option in OPTIONS:
             options.add_argument(option)
         options.binary_location = shutil.which("chromium")
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
@@ -75,8 +100,24 @@ class Browser:
         }
         self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
 
-    def script(self, code: str) -> Any:
-        return self.driver.execute_script(code)
+    def emulate(self, media: str = "", features: Any = ()) -> None:
+        """Let the browser print, or have preferences of the system."""
+        found = {"media": media, "features": list(features)}
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", found)
+
+    def connect(self, is_online: bool) -> None:
+        """Give the browser a network, or take it away."""
+        self.driver.execute_cdp_cmd("Network.enable", {})
+        limits = {"latency": 0, "downloadThroughput": -1, "uploadThroughput": -1}
+        conditions = {"offline": not is_online} | limits
+        self.driver.execute_cdp_cmd("Network.emulateNetworkConditions", conditions)
+
+    def script(self, code: str, *arguments: Any) -> Any:
+        return self.driver.execute_script(code, *arguments)
+
+    def say(self, kind: str, **more: Any) -> None:
+        """Let the page send a message to the program."""
+        self.script("sandbox.send(arguments[0])", {"do": kind} | more)
 
     @staticmethod
     def wait(until: Callable[[], Any], seconds: float = 30.0) -> Any:
@@ -88,11 +129,9 @@ class Browser:
         return found
 
     def errors(self) -> list[Any]:
-        return [
-            entry
-            for entry in self.driver.get_log("browser")
-            if entry["level"] == "SEVERE"
-        ]
+        """Return the errors since the last call."""
+        log = self.driver.get_log("browser")
+        return [entry for entry in log if entry["level"] == "SEVERE"]
 
     # ---- what the page shows
 
@@ -121,29 +160,26 @@ class Browser:
 
     def number(self, key: str) -> float:
         """Return the number in the field beside a slider."""
-        text = self.script(
-            f'return document.querySelector(\'[data-key="{key}"]'
-            " input[type=text]').value"
-        )
+        field = f"[data-key='{key}'] input[type=text]"
+        text = self.script(f'return document.querySelector("{field}").value')
         return float(text.replace(",", "."))
 
+    def picture(self, canvas: str = "sandbox.drawing.canvas") -> np.ndarray:
+        """Return what a canvas shows, (rows, columns, RGBA)."""
+        data = base64.b64decode(self.script(f"return {canvas}.toDataURL()")[22:])
+        return np.asarray(Image.open(io.BytesIO(data)).convert("RGBA")).astype(int)
+
     def colours(self) -> int:
-        """Return the number of colours on the canvas."""
-        return int(
-            self.script(
-                "const { canvas, context } = window.sandbox.drawing;const { data } ="
-                " context.getImageData(0, 0, canvas.width, canvas.height);return new"
-                " Set(new Uint32Array(data.buffer)).size"
-            )
-        )
+        """Return the number of colours of the picture."""
+        return len(np.unique(self.picture().reshape(-1, 4), axis=0))
 
     def disk(self) -> tuple[tuple[int, int], int]:
         """Return the centre of the disk and its radius [px]."""
         x, y, radius = self.script(
-            "const { drawing, state } = window.sandbox, box ="
-            " drawing.canvas.getBoundingClientRect();const [x, y] ="
-            " drawing.toScreen(state.row.com_x, state.row.com_y);return [box.left + x,"
-            " box.top + y, drawing.camera.scale]"
+            "const { drawing, state } = sandbox;"
+            "const box = drawing.canvas.getBoundingClientRect();"
+            "const [x, y] = drawing.toScreen(state.row.com_x, state.row.com_y);"
+            "return [box.left + x, box.top + y, drawing.camera.scale]"
         )
         return (round(x), round(y)), round(radius)
 
@@ -169,12 +205,6 @@ class Browser:
     def click(self, identity: str) -> None:
         self.script(f"document.getElementById('{identity}').click()")
 
-    def press(self, text: str) -> None:
-        """Click a button by its text."""
-        buttons = "[...document.querySelectorAll('button')]"
-        find = f"find((one) => one.textContent === '{text}' && one.checkVisibility())"
-        self.script(f"{buttons}.{find}.click()")
-
     def close_lists(self) -> None:
         self.script(
             "for (const one of document.querySelectorAll('dialog[open]')) one.close()"
@@ -187,11 +217,13 @@ class Browser:
 
     def lead(self, key: str, place: int) -> None:
         """Move a slider to a place from 0 to 1000."""
+        slider = f"[data-key='{key}'] input[type=range]"
         self.script(
-            f'const one = document.querySelector(\'[data-key="{key}"]'
-            " input[type=range]'), low = Number(one.min);one.value = low + (one.max -"
-            f" low) * {place / 1000};one.dispatchEvent(new Event('input'));"
-            " one.dispatchEvent(new Event('change'))"
+            f'const one = document.querySelector("{slider}");'
+            "const low = Number(one.min);"
+            f"one.value = low + (one.max - low) * {place / 1000};"
+            "one.dispatchEvent(new Event('input'));"
+            "one.dispatchEvent(new Event('change'))"
         )
         time.sleep(0.5)
 
@@ -220,31 +252,22 @@ class Browser:
         from selenium.webdriver.common.actions.action_builder import ActionBuilder
         from selenium.webdriver.common.actions.pointer_input import PointerInput
 
-        builder = ActionBuilder(
-            self.driver,
-            mouse=PointerInput(*(("touch", "finger") if touch else ("mouse", "hand"))),
-        )
+        kind = "touch" if touch else "mouse"
+        builder = ActionBuilder(self.driver, mouse=PointerInput(kind, kind))
         pointer = builder.pointer_action
-        pointer.move_to_location(*start).pointer_down(button=button).pause(
-            pause
-        ).move_to_location(*end).pause(pause)
-        pointer.pointer_up(button=button)
+        pointer.move_to_location(*start).pointer_down(button=button).pause(pause)
+        pointer.move_to_location(*end).pause(pause).pointer_up(button=button)
         builder.perform()
 
     def drag_in(self, identity: str, start: float, end: float) -> None:
         """Drag across a graph, from one fraction of its width to another."""
         left, top, width, height = self.script(
-            "const box ="
-            f" document.getElementById('{identity}').getBoundingClientRect();return"
-            " [box.left, box.top, box.width, box.height]"
+            f"const graph = document.getElementById('{identity}');"
+            "const box = graph.getBoundingClientRect();"
+            "return [box.left, box.top, box.width, box.height]"
         )
         row = round(top + height / 2)
         self.drag((round(left + start * width), row), (round(left + end * width), row))
-
-    def yaml(self, path: Path) -> Path:
-        """Write the scene as the page would save it, and return the path."""
-        path.write_text(self.script("return window.sandbox.scene"), encoding="utf-8")
-        return path
 
 
 class Firefox(Browser):
@@ -261,6 +284,7 @@ class Firefox(Browser):
         options.set_preference("browser.download.dir", self._folder.name)
         options.set_preference("devtools.console.stdout.content", True)
         self._log = Path(self._folder.name, "geckodriver.log")
+        self._lines_read = 0
         assert WHEEL
         assert WHEEL.origin
         driver = Path(WHEEL.origin).with_name(DRIVERS[platform.machine()])
@@ -274,10 +298,53 @@ class Firefox(Browser):
         frame = [asked - found for asked, found in zip(size, inner, strict=True)]
         self.driver.set_window_size(size[0] + frame[0], size[1] + frame[1])
 
+    def emulate(self, media: str = "", features: Any = ()) -> None:
+        assert not media, "Chromium can"
+        assert not features, "Chromium can"
+
     def errors(self) -> list[Any]:
         lines = self._log.read_text(encoding="utf-8", errors="replace").splitlines()
-        return [line for line in lines if re.match(r"JavaScript error: http", line)]
+        new = lines[self._lines_read :]
+        self._lines_read = len(lines)
+        return [line for line in new if re.match(r"JavaScript error: http", line)]
 
 
 BROWSERS = {"chromium": Browser, "firefox": Firefox}
 MISSING_BROWSERS = {"chromium": MISSING, "firefox": FIREFOX_MISSING}
+
+
+Served = tuple[subprocess.Popen[str], str]
+
+
+@contextmanager
+def serving(folder: Path, *arguments: str) -> Iterator[Served]:
+    """Yield `view` with these arguments, on a machine without display and Vulkan, and
+    its address."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    environment.pop("DISPLAY", None)
+    environment["VK_ICD_FILENAMES"] = "/nonexistent"
+    program = subprocess.Popen(
+        [sys.executable, "-m", "taichi_disk", "view", *arguments],
+        env=environment,
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert program.stdout
+    try:
+        found = re.search(r"http://\S+/", program.stdout.readline())
+        assert found, program.communicate()[1]
+        yield program, found[0]
+    finally:
+        program.kill()
+        program.communicate()
+
+
+def ended(program: subprocess.Popen[str], number: int = signal.SIGTERM) -> str:
+    """End the program by a signal, and return what it wrote to stderr."""
+    program.send_signal(number)
+    printed = program.communicate(timeout=30)[1]
+    assert program.returncode == 130
+    assert "Traceback" not in printed
+    return printed

@@ -17,6 +17,7 @@ from functools import partial
 from pathlib import Path
 from threading import Event
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from websockets.asyncio.client import ClientConnection, connect
@@ -30,7 +31,7 @@ from taichi_disk.window.audience import MAX_SEATS, Audience
 from taichi_disk.window.controls import Preset
 from taichi_disk.window.door import Door
 from taichi_disk.window.session import HEADER, MAX_BYTES, Common
-from tests.browser import MISSING, Browser
+from tests.browser import Browser
 
 SETTINGS = ["lattice.points=60", "impact.velocity=0.05", "material.eta_star=1"]
 # of sockets, so that little is under way to somebody who does not read [bytes]
@@ -38,13 +39,15 @@ SMALL_BUFFER = 2**12
 MAX_UNREAD = 2**17  # a scene and a state, about [bytes]
 # a server that soon misses a page
 QUICK = {"ping_interval": 0.3, "ping_timeout": 0.3, "close_timeout": 0.1}
+PLAYLIST = [
+    Preset("bounce", "Look.", partial(load_scene, "exponential_wall", SETTINGS))
+]
 Act = Callable[[int], Awaitable[None]]  # what visitors do, given the port
 
 
 @pytest.fixture
 def audience(kernels: KernelCache) -> Audience:
-    entry = Preset("bounce", "Look.", partial(load_scene, "exponential_wall", SETTINGS))
-    return Audience(Common([entry] * 2, kernels))
+    return Audience(Common(2 * PLAYLIST, kernels))
 
 
 def handshake(port: int) -> bytes:
@@ -330,72 +333,77 @@ def test_pages_that_are_silent_do_not_hold_up_the_end(audience: Audience) -> Non
     asyncio.run(visit())
 
 
-@pytest.mark.parametrize(
-    ("host", "bound"),
-    [("localhost", "127.0.0.1"), ("127.0.0.1", "127.0.0.1"), ("::1", "::1")],
-)
-def test_a_host_of_this_machine_is_local_and_has_one_name(
-    host: str, bound: str
-) -> None:
-    if ":" in host and not socket.has_dualstack_ipv6():
-        pytest.skip("no IPv6")
-    with server._listen(host, 0) as listening:
-        assert listening.getsockname()[0] == bound
-        assert server._is_local(listening)
-        assert server._names(host, listening) == [f"[{host}]" if ":" in host else host]
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch, kernels: KernelCache) -> None:
+    """Let servers compile nothing anew, and leave the garbage of tests."""
+    monkeypatch.setattr(server, "KernelCache", lambda: kernels)
+    monkeypatch.setattr(server, "gc", Mock())
 
 
-@pytest.mark.parametrize(("host", "own"), [("0.0.0.0", "127.0.0.1"), ("::", "::1")])
-def test_a_server_for_everybody_prints_addresses_that_answer(
-    host: str, own: str
-) -> None:
-    if ":" in host and not socket.has_dualstack_ipv6():
-        pytest.skip("no IPv6")
-    with server._listen(host, 0) as listening:
-        *addresses, name = server._names(host, listening)
-        assert not server._is_local(listening) and name == socket.gethostname()
-        port = listening.getsockname()[1]
-        for address in [*addresses, own]:
-            socket.create_connection((address.strip("[]"), port), 5.0).close()
+class Probe(socket.socket):
+    """A socket that finds the address which this machine uses for the internet."""
 
+    def connect(self, address: Any) -> None:
+        if self.type != socket.SOCK_DGRAM:
+            super().connect(address)
 
-def test_the_addresses_of_the_network_and_of_the_name_are_printed_once(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    class Probe(socket.socket):
-        def connect(self, address: Any) -> None:
-            pass
-
-        def getsockname(self) -> Any:
+    def getsockname(self) -> Any:
+        if self.type == socket.SOCK_DGRAM:
             return "192.0.2.1", 9
-
-    names = ("127.0.1.1", "192.0.2.2", "192.0.2.2")
-    rows = [(socket.AF_INET, 1, 6, "", (name, 0)) for name in names]
-    with server._listen("0.0.0.0", 0) as listening:
-        monkeypatch.setattr(server.socket, "socket", Probe)
-        monkeypatch.setattr(server.socket, "getaddrinfo", lambda *_: rows)
-        monkeypatch.setattr(server.socket, "gethostname", lambda: "desk")
-        printed = server._names("0.0.0.0", listening)
-    assert printed == ["192.0.2.1", "192.0.2.2", "desk"]
+        return super().getsockname()
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
-def test_a_terminal_that_can_shows_the_code(
-    monkeypatch: pytest.MonkeyPatch, encoding: str
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize(
+    ("host", "bound", "printed", "encoding"),
+    [
+        ("localhost", "127.0.0.1", ["localhost"], "utf-8"),
+        ("::1", "::1", ["[::1]"], "utf-8"),
+        ("0.0.0.0", "127.0.0.1", ["192.0.2.1", "192.0.2.2", "desk"], "utf-8"),
+        ("0.0.0.0", "127.0.0.1", ["192.0.2.1", "192.0.2.2", "desk"], "ascii"),
+    ],
+)
+def test_a_server_prints_each_address_that_answers_once_and_a_code_for_others(
+    monkeypatch: pytest.MonkeyPatch,
+    host: str,
+    bound: str,
+    printed: list[str],
+    encoding: str,
 ) -> None:
-    shown = io.TextIOWrapper(io.BytesIO(), encoding)
-    monkeypatch.setattr(shown, "isatty", lambda: True)
-    monkeypatch.setattr(sys, "stdout", shown)
-    server._print_code("http://192.0.2.1:8000/23456789/")
-    shown.seek(0)
-    assert bool(shown.read()) == (encoding == "utf-8")
+    if ":" in host and not socket.has_dualstack_ipv6():
+        pytest.skip("no IPv6")
+    own = ("127.0.1.1", "192.0.2.2", "192.0.2.2")
+    rows = [(socket.AF_INET, 1, 6, "", (name, 0)) for name in own]
+    terminal = io.TextIOWrapper(io.BytesIO(), encoding)
+    find = socket.getaddrinfo
+
+    async def serving(_audience: Any, _door: Any, listening: socket.socket) -> None:
+        port = listening.getsockname()[1]
+        socket.create_connection((bound, port), 5.0).close()
+
+    def found(name: str, *more: Any, **options: Any) -> Any:
+        return rows if name == "desk" else find(name, *more, **options)
+
+    monkeypatch.setattr(server, "run", serving)
+    monkeypatch.setattr(server.socket, "getaddrinfo", found)
+    monkeypatch.setattr(server.socket, "gethostname", lambda: "desk")
+    monkeypatch.setattr(server.socket, "socket", Probe)
+    monkeypatch.setattr(terminal, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stdout", terminal)
+    server.serve(PLAYLIST, host)
+    terminal.seek(0)
+    text = terminal.read()
+    assert re.findall(r"http://(.*):\d+/\w+/", text) == printed
+    assert ("whoever has this address" in text) == (host == "0.0.0.0")
+    assert ("█" in text) == (host == "0.0.0.0" and encoding == "utf-8")
 
 
 def test_an_empty_host_does_not_listen_everywhere() -> None:
     with pytest.raises(InputError, match=r"--host is empty.*0\.0\.0\.0"):
-        server._listen("", 0)
+        server.serve(PLAYLIST, "")
 
 
+@pytest.mark.usefixtures("quick")
 @pytest.mark.validate
 def test_a_browser_in_the_foreground_does_not_hold_up_the_server(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
@@ -415,16 +423,15 @@ def test_a_browser_in_the_foreground_does_not_hold_up_the_server(
 
     monkeypatch.setattr(server.webbrowser, "open", browse)
     monkeypatch.setattr(server, "run", serving)
-    entry = Preset("bounce", "Look.", partial(load_scene, "exponential_wall", SETTINGS))
-    server.serve([entry], open_browser=True)
-    assert not is_closed.is_set() and opened[0] in capfd.readouterr().out
+    server.serve(PLAYLIST, open_browser=True)
+    assert not is_closed.is_set()
+    assert opened[0] in capfd.readouterr().out
     is_closed.set()
 
 
 @pytest.mark.validate
-@pytest.mark.skipif(bool(MISSING), reason=MISSING)
 def test_a_film_survives_a_program_that_is_killed_and_its_page_finds_the_next_one(
-    tmp_path: Path,
+    tmp_path: Path, browser: Browser
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
@@ -448,7 +455,7 @@ def test_a_film_survives_a_program_that_is_killed_and_its_page_finds_the_next_on
         assert program.stdout and "/secret/" in program.stdout.readline()
         return program
 
-    program, browser = started(), Browser()
+    program = started()
     try:
         browser.open(f"http://127.0.0.1:{port}/secret/")
         browser.click("drop")
@@ -457,10 +464,10 @@ def test_a_film_survives_a_program_that_is_killed_and_its_page_finds_the_next_on
         program.wait()
         browser.wait(lambda: "does not answer" in browser.text("role"))
         program = started()
-        browser.wait(lambda: browser.text("role") == "" and browser.state("t") == 0.0)
+        browser.wait(lambda: browser.text("role") == "")
+        browser.wait(lambda: browser.state("t") == 0.0)
         browser.click("drop")
         browser.wait(lambda: browser.state("t") > 0.5)
     finally:
-        browser.driver.quit()
         program.kill()
         program.wait()

@@ -24,7 +24,7 @@ from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.progress import reported
 from taichi_disk.render import film_problem
 from taichi_disk.window.session import HEADER
-from tests.browser import MISSING, Browser
+from tests.browser import Browser
 
 SETTINGS = ["lattice.points=60", "impact.velocity=0.05"]
 
@@ -159,13 +159,6 @@ def test_a_message_that_another_thread_delivers_is_obeyed_at_once() -> None:
     played(SETTINGS, act)
 
 
-JUPYTERLAB = (
-    "no JupyterLab (pip install jupyterlab)"
-    if find_spec("jupyterlab") is None
-    else MISSING
-)
-
-
 @pytest.mark.validate
 @pytest.mark.skipif(not shutil.which("node"), reason="no node")
 def test_the_widget_s_modules_use_no_name_twice(tmp_path: Path) -> None:
@@ -179,9 +172,18 @@ def test_the_widget_s_modules_use_no_name_twice(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
+FIND_SANDBOX = """
+const outputs = [...document.querySelectorAll(".jp-OutputArea-output *")];
+window.sandbox = outputs.find((one) => one.sandbox?.drawing.state)?.sandbox;
+return Boolean(window.sandbox);
+"""
+
+
 @pytest.mark.validate
-@pytest.mark.skipif(bool(JUPYTERLAB), reason=JUPYTERLAB)
-def test_in_jupyterlab_a_widget_is_played_with(tmp_path: Path) -> None:
+@pytest.mark.skipif(find_spec("jupyterlab") is None, reason="no JupyterLab")
+def test_in_jupyterlab_a_widget_is_played_with(
+    tmp_path: Path, browser: Browser
+) -> None:
     import nbformat  # 2 s
 
     code = (
@@ -202,32 +204,23 @@ def test_in_jupyterlab_a_widget_is_played_with(tmp_path: Path) -> None:
         f"--port={port}",
     ]
     command = [sys.executable, "-m", "jupyterlab", *options]
+    browser.resize((1200, 900))
     with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL) as lab:
-        browser = Browser((1200, 900))
         try:
             browser.wait(lambda: not socket.socket().connect_ex(("127.0.0.1", port)))
             browser.driver.get(f"http://127.0.0.1:{port}/lab/tree/play.ipynb")
-            idle = (
-                "return"
-                " document.querySelector('#jp-main-statusbar')?.textContent.includes('|"
-                " Idle')"
-            )
+            status = "document.querySelector('#jp-main-statusbar')?.textContent"
             # a cell that is run earlier never ends
-            browser.wait(lambda: browser.script(idle))
-            browser.driver.find_element(
+            browser.wait(lambda: browser.script(f"return {status}.includes('| Idle')"))
+            cell = browser.driver.find_element(
                 "css selector", ".jp-Notebook .cm-content"
-            ).send_keys("\ue008\ue007")
-            outputs = "[...document.querySelectorAll('.jp-OutputArea-output *')]"
-            found = (
-                f"window.sandbox = {outputs}.find((one) =>"
-                " one.sandbox?.drawing.state)?.sandbox"
             )
-            browser.wait(lambda: browser.script(f"return Boolean({found})"))
+            cell.send_keys("\ue008\ue007")
+            browser.wait(lambda: browser.script(FIND_SANDBOX))
             browser.script("window.sandbox.ui.drop.click()")
             browser.wait(lambda: browser.state("t") > 1.0)
             assert browser.colours() > 50
         finally:
-            browser.driver.quit()
             lab.terminate()
 
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
 
-from tests.browser import Browser
-from tests.integration.test_page import SETTINGS, opened, serving
+from tests.browser import SETTINGS, Browser, serving
 
 
 @pytest.fixture(scope="module")
@@ -21,20 +19,12 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         yield url
 
 
-@pytest.fixture(scope="module")
-def one_browser() -> Iterator[Browser]:
-    yield from opened("chromium")
-
-
 @pytest.fixture
-def browser(one_browser: Browser, address: str) -> Browser:
+def browser(browsers: Callable[[str], Browser], address: str) -> Browser:
     """The page as a new visitor sees it."""
-    one_browser.driver.get("about:blank")
-    one_browser.resize((1000, 760))
-    one_browser.open(address)
-    one_browser.script("sessionStorage.clear()")
-    one_browser.open(address)
-    return one_browser
+    browser = browsers("chromium")
+    browser.open(address)
+    return browser
 
 
 def entry(browser: Browser) -> Any:
@@ -78,9 +68,9 @@ def test_a_number_that_is_none_is_refused_in_a_sentence_and_a_fraction_is_read(
 def test_a_scene_asks_before_the_throw_and_answers_after_it_if_its_numbers_are_its_own(
     browser: Browser,
 ) -> None:
-    browser.script("window.sandbox.send({ do: 'play', number: 5 })")
+    browser.say("play", number=5)
     browser.wait(lambda: "dashpots: how much" in browser.text("sentence"))
-    browser.script("window.sandbox.send({ do: 'set', key: 'speed', value: 5 })")
+    browser.say("set", key="speed", value=5)
     browser.click("drop")
     browser.wait(lambda: browser.text("sentence") == "Nearly two fifths of the energy.")
     assert "e = 0.7" in browser.text("caption")
@@ -136,17 +126,6 @@ def test_energies_have_the_names_and_colours_of_films(browser: Browser) -> None:
         assert energies[column.label] == (column.colour, ON_DARK[column.colour])
 
 
-@contextmanager
-def emulated(browser: Browser, **media: Any) -> Iterator[None]:
-    """Let the browser be printing, or have colours of the system."""
-    try:
-        browser.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", media)
-        yield
-    finally:
-        nothing = {"media": "", "features": []}
-        browser.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", nothing)
-
-
 STRETCHED = """
 return [...document.querySelectorAll("canvas")].filter((one) =>
   one.checkVisibility() && Math.abs(
@@ -162,12 +141,13 @@ def test_on_paper_are_the_picture_the_parameters_and_the_curves_unstretched(
     browser.wait(lambda: browser.script(ground) == "rgb(13, 14, 17)")
     browser.script("window.dispatchEvent(new Event('beforeprint'))")
     assert browser.script(ground) == "rgb(250, 250, 248)"
-    with emulated(browser, media="print"):
-        assert browser.script(STRETCHED) == 0
-        for name in ("disk", "caption", "energy", "motion", "material.eta_star"):
-            assert browser.visible(name), name
-        for name in ("drop", "help", "forces"):
-            assert not browser.visible(name), name
+    browser.emulate(media="print")
+    assert browser.script(STRETCHED) == 0
+    for name in ("disk", "caption", "energy", "motion", "material.eta_star"):
+        assert browser.visible(name), name
+    for name in ("drop", "help", "forces"):
+        assert not browser.visible(name), name
+    browser.emulate()
     browser.script("window.dispatchEvent(new Event('afterprint'))")
     assert browser.script(ground) == "rgb(13, 14, 17)"
 
@@ -177,18 +157,14 @@ def test_forced_colours_leave_the_picture_and_the_curves_on_their_own_ground(
     browser: Browser,
 ) -> None:
     dark = {"name": "prefers-color-scheme", "value": "dark"}
-    features = [{"name": "forced-colors", "value": "active"}, dark]
-    with emulated(browser, features=features):
-        time.sleep(0.5)
-        style = "getComputedStyle(document.querySelector('%s'))"
-        for name in (".stage", ".plot"):
-            ground = browser.script(f"return {style % name}.backgroundColor")
-            ink = browser.script(f"return {style % name}.color")
-            assert ground == browser.script(
-                "return sandbox.drawing.scene.themes[sandbox"
-                ".drawing.options.theme].ground"
-            )
-            assert ink != ground
+    browser.emulate(features=[{"name": "forced-colors", "value": "active"}, dark])
+    time.sleep(0.5)
+    themes = browser.script("return sandbox.drawing.scene.themes")
+    for name in (".stage", ".plot"):
+        style = f"getComputedStyle(document.querySelector('{name}'))"
+        ground = browser.script(f"return {style}.backgroundColor")
+        assert ground == themes[browser.look("theme")]["ground"]
+        assert browser.script(f"return {style}.color") != ground
 
 
 PROJECTORS = [((1920, 1080), 730), ((3840, 2160), 1450), ((1024, 768), 380)]

@@ -1,0 +1,65 @@
+"""One Chromium and one Firefox for all tests, and the program that serves the page."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.browser import (
+    BROWSERS,
+    MISSING_BROWSERS,
+    SETTINGS,
+    Browser,
+    Served,
+    ended,
+    serving,
+)
+
+
+@pytest.fixture(scope="session")
+def browsers() -> Iterator[Callable[[str], Browser]]:
+    """Return a function that returns the browser of a name as it was at its start."""
+    started: dict[str, Browser] = {}
+
+    def browser_of(name: str) -> Browser:
+        missing = MISSING_BROWSERS[name]
+        if missing and os.environ.get("CI"):
+            pytest.fail(f"the page cannot be tested: {missing}")
+        if missing:
+            pytest.skip(f"the page is not tested: {missing}")
+        if name not in started:
+            started[name] = BROWSERS[name]()
+        started[name].clear()
+        return started[name]
+
+    yield browser_of
+    for browser in started.values():
+        browser.driver.quit()
+
+
+@pytest.fixture
+def browser(browsers: Callable[[str], Browser]) -> Browser:
+    return browsers("chromium")
+
+
+@pytest.fixture(params=BROWSERS)
+def each_browser(
+    browsers: Callable[[str], Browser], request: pytest.FixtureRequest
+) -> Browser:
+    return browsers(request.param)
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[Served]:
+    """The program with the scenes of the list, and its address.
+
+    It must end by a signal without a traceback.
+    """
+    settings = (f"--set={one}" for one in SETTINGS)
+    with serving(tmp_path, *settings) as (program, url):
+        yield program, url
+        if program.poll() is None:
+            ended(program)
