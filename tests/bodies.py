@@ -226,6 +226,11 @@ def to_pixels(camera, xy):
     ]
 
 
+def words(text):
+    """Return the arguments of a scene that is written as on the command line."""
+    return text.split()
+
+
 def computed(kernels, name, *settings, **options):
     """Return scenario and outcome of a shipped scene with some `settings`."""
     scene = load_scene(name, settings)

@@ -8,31 +8,22 @@ from itertools import pairwise
 import pytest
 
 from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window.controls import MIN_VISCOSITY, REPEATING_KEYS, Controls, Preset
 from taichi_disk.window.sandbox import Sandbox
 
 
 @pytest.fixture
-def controls(kernels: KernelCache) -> Controls:
-    speeds = (0.02, 0.05)
-    playlist = [
-        Preset(
-            f"v = {v}",
-            "",
-            partial(
-                load_scene,
-                "exponential_wall",
-                ["lattice.points=120", f"impact.velocity={v}"],
-            ),
-        )
-        for v in speeds
-    ]
+def controls(kernels):
+    playlist = []
+    for speed in (0.02, 0.05):
+        settings = ["lattice.points=120", f"impact.velocity={speed}"]
+        load = partial(load_scene, "exponential_wall", settings)
+        playlist.append(Preset(f"v = {speed}", "", load))
     return Controls(Sandbox(playlist[0].load(), kernels=kernels), playlist)
 
 
 @pytest.mark.validate
-def test_every_key_is_explained_and_reaches_what_it_names(controls: Controls) -> None:
+def test_every_key_is_explained_and_reaches_what_it_names(controls):
     sandbox = controls.sandbox
     explained = " ".join(keys for keys, _ in controls.reference).split()
     assert set(explained) == set(controls.actions) >= {*REPEATING_KEYS} - {"i", "u"}
@@ -42,7 +33,8 @@ def test_every_key_is_explained_and_reaches_what_it_names(controls: Controls) ->
     # the next scene has its own values
     assert sandbox.scene.wall.a == 300.0
     assert controls.number == 1
-    assert sandbox.scene.impact.velocity == 0.05 and sandbox.scene.video.theme == "dark"  # type: ignore[union-attr]
+    assert sandbox.scene.impact.velocity == 0.05
+    assert sandbox.scene.video.theme == "dark"
     assert sandbox.speed == 1.12
     for _ in range(60):
         controls.press("d")
@@ -58,7 +50,7 @@ def test_every_key_is_explained_and_reaches_what_it_names(controls: Controls) ->
 
 
 @pytest.mark.validate
-def test_the_keys_for_points_keep_the_viscosity_of_the_body(controls: Controls) -> None:
+def test_the_keys_for_points_keep_the_viscosity_of_the_body(controls):
     sandbox = controls.sandbox
     eta = sandbox.time.segment.scenario.model.springs.eta
     assert controls.dashpot_key == "material.eta_star"
@@ -77,9 +69,7 @@ def test_the_keys_for_points_keep_the_viscosity_of_the_body(controls: Controls) 
 
 
 @pytest.mark.validate
-def test_a_collected_curve_spans_a_factor_of_30_in_even_ratios(
-    controls: Controls,
-) -> None:
+def test_a_collected_curve_spans_a_factor_of_30_in_even_ratios(controls):
     controls.collect()
     loads = [0.1, *controls.sandbox.remaining_loads[1:]]
     assert len(loads) == 8
@@ -89,25 +79,24 @@ def test_a_collected_curve_spans_a_factor_of_30_in_even_ratios(
     assert ratios == pytest.approx([30.0 ** (1 / 7)] * 7, rel=0.05)
 
 
-def test_a_scene_of_the_list_may_set_the_pace(controls: Controls) -> None:
+def test_a_scene_of_the_list_may_set_the_pace(controls):
     sandbox = controls.sandbox
     controls.playlist[1] = controls.playlist[1]._replace(speed=3.0, slow=True)
-    controls.play(1)
-    assert sandbox.speed == 3.0
-    assert sandbox.slow
-    controls.play(0)  # its pace is the user's
-    assert sandbox.speed == 3.0
-    assert sandbox.slow
+    for number in (1, 0):  # the pace of the second is the user's
+        controls.play(number)
+        assert sandbox.speed == 3.0
+        assert sandbox.slow
 
 
 def test_a_typed_speed_above_c_is_refused_and_a_large_n_is_limited_with_a_word(
-    controls: Controls, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    controls, monkeypatch
+):
     sandbox = controls.sandbox
     controls.attempt(controls.set, "impact.velocity", 5.0)
-    assert sandbox.scene.impact.velocity == 0.02 and "5 c" in sandbox.message  # type: ignore[union-attr]
+    assert sandbox.scene.impact.velocity == 0.02
+    assert "5 c" in sandbox.message
     controls.attempt(controls.set, "impact.velocity", 0.3)
-    assert sandbox.scene.impact.velocity == 0.3  # type: ignore[union-attr]
+    assert sandbox.scene.impact.velocity == 0.3
     monkeypatch.setattr("taichi_disk.window.controls.MAX_POINTS", 150)
     controls.attempt(controls.set, "lattice.points", 1e6)
     assert sandbox.scene.lattice.points == 150

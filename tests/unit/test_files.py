@@ -3,6 +3,7 @@ refused without a trace."""
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,8 @@ from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.output import files
 from taichi_disk.output.files import atomic_write, check_pictures, prepare_output
 from taichi_disk.simulation.observables import COLUMNS
+
+ABSENT = ("sliding", "friction")  # columns of zeros, which are left out
 
 
 def everything(folder):
@@ -31,9 +34,8 @@ def test_a_new_folder_is_made_with_its_parents_and_one_that_is_there_is_left_alo
 def test_a_file_in_the_way_is_named_and_nothing_is_left(tmp_path, below):
     blocker = tmp_path / "file"
     blocker.write_text("")
-    with pytest.raises(
-        InputError, match=rf"folder .*: {blocker} is a file; choose another as `out`"
-    ):
+    text = rf"folder .*: {blocker} is a file; choose another as `out`"
+    with pytest.raises(InputError, match=text):
         prepare_output(blocker / below)
     assert everything(tmp_path) == {blocker}
 
@@ -45,17 +47,13 @@ def test_a_file_is_replaced_by_a_whole_one_or_stays(tmp_path, failure):
 
     def write(new):
         new.write_text("new")
-        # NumPy appends .npz to other names.
         assert path.read_text() == "old"
-        assert new.suffix == ".npz"
+        assert new.suffix == ".npz"  # NumPy appends .npz to other names.
         assert new.parent == tmp_path
         if failure:
             raise failure
 
-    if failure:
-        with pytest.raises(failure):
-            atomic_write(path, write)
-    else:
+    with pytest.raises(failure) if failure else nullcontext():
         atomic_write(path, write)
     assert path.read_text() == ("old" if failure else "new")
     assert everything(tmp_path) == {path}
@@ -63,13 +61,12 @@ def test_a_file_is_replaced_by_a_whole_one_or_stays(tmp_path, failure):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_a_full_disk_is_a_failed_computation_that_names_the_file(tmp_path):
-    with pytest.raises(
-        SimulationError, match=r"cannot write .*final\.npz: No space left on device"
-    ):
-        atomic_write(
-            tmp_path / "final.npz",
-            lambda new: Path("/dev/full").write_text("x" * 100_000),
-        )
+    def fail(new):
+        Path("/dev/full").write_text("x" * 100_000)
+
+    text = r"cannot write .*final\.npz: No space left on device"
+    with pytest.raises(SimulationError, match=text):
+        atomic_write(tmp_path / "final.npz", fail)
     assert everything(tmp_path) == set()
 
 
@@ -90,37 +87,27 @@ def test_only_a_folder_of_numbered_files_is_replaced(tmp_path):
     assert everything(tmp_path) == {folder, folder / "0.png", folder / "me.png"}
 
 
-def test_the_time_series_reads_back_bitwise_and_is_thinned_on_request(
-    tmp_path,
-):
-    columns = {
-        one.name: np.random.default_rng(k).random(20) for k, one in enumerate(COLUMNS)
-    }
-    columns |= {
-        "t": 0.1 * np.arange(20),
-        "sliding": np.zeros(20),
-        "friction": np.zeros(20),
-    }
+def test_the_time_series_reads_back_bitwise_and_is_thinned_on_request(tmp_path):
+    rng = np.random.default_rng(0)
+    columns = {one.name: rng.random(20) for one in COLUMNS}
+    columns |= {"t": 0.1 * np.arange(20), **dict.fromkeys(ABSENT, np.zeros(20))}
     del columns["xi"]  # only a loading has this column
     files.write_timeseries(tmp_path / "a.csv", columns)
     table = np.genfromtxt(tmp_path / "a.csv", delimiter=",", names=True)
-    absent = {"sliding", "friction", "xi"}
-    absent |= {column.name for column in COLUMNS if column.written == "never"}
-    assert table.dtype.names == tuple(
-        column.name for column in COLUMNS if column.name not in absent
-    )
-    assert all(np.array_equal(table[name], columns[name]) for name in table.dtype.names)
+    written = [one.name for one in COLUMNS if one.written != "never"]
+    names = [name for name in written if name not in (*ABSENT, "xi")]
+    assert table.dtype.names == tuple(names)
+    assert all(np.array_equal(table[name], columns[name]) for name in names)
     files.write_timeseries(tmp_path / "b.csv", columns, 0.6)
     table = np.genfromtxt(tmp_path / "b.csv", delimiter=",", names=True)
     assert np.array_equal(table["t"], columns["t"][[0, 6, 12, 18, 19]])
 
 
 @pytest.mark.parametrize(
-    "content", ["", "[]", "[" * 100_000, "{", b"\xff", "{}" + " " * 20_000_000]
+    "content", [b"", b"[]", b"[" * 100_000, b"{", b"\xff", b"{}" + b" " * 20_000_000]
 )
 def test_a_damaged_summary_is_none(tmp_path, content):
-    data = content if isinstance(content, bytes) else content.encode()
-    (tmp_path / "summary.json").write_bytes(data)
+    (tmp_path / "summary.json").write_bytes(content)
     assert files.read_summary(tmp_path) == {}
 
 

@@ -18,20 +18,29 @@ from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.output.files import check_pictures
 from taichi_disk.output.run_folder import run_folder
 
-SCENE = (
-    "scene: compression\nlattice:\n  points: 100                    # number of"
-    " points\n"
-)
+SCENE = "scene: compression\nlattice:\n  points: 100         # number of points\n"
 OTHER = SCENE.replace("100", "200")
 RUN = {"scene.yaml", "timeseries.csv", "plot.png", "summary.json"}
 
 
 def content(folder):
-    return {
-        str(path.relative_to(folder)): path.read_text()
-        for path in folder.rglob("*")
-        if path.is_file()
-    }
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    return {str(path.relative_to(folder)): path.read_text() for path in files}
+
+
+def marks(folder):
+    """Return the mark of each run in a folder, by its plot's name."""
+    files = content(folder)
+    return {name: files[name] for name in files if name.endswith("plot.png")}
+
+
+def end(folder, status="done"):
+    """Write the summary of a run without other files."""
+    (folder.path / "summary.json").write_text(json.dumps({"status": status}))
+
+
+def refused(text=None):
+    return pytest.raises(InputError, match=text)
 
 
 def compute(
@@ -44,11 +53,7 @@ def compute(
             (folder.path / name).write_text(mark)
         if status == "done":
             folder.take_over()
-        summary = {
-            "status": status,
-            "mark": mark,
-            "lattice_digest": options.get("lattice", ""),
-        }
+        summary = {"status": status, "lattice_digest": options.get("lattice", "")}
         (folder.path / "summary.json").write_text(json.dumps(summary))
         if status == "failed":
             (folder.path / "failure.npz").write_text(mark)
@@ -57,17 +62,17 @@ def compute(
     return folder.out
 
 
-@pytest.mark.parametrize("end", [None, SimulationError("bad"), KeyboardInterrupt()])
-def test_a_run_appears_at_its_end_in_whole_whatever_ends_it(tmp_path, end):
+@pytest.mark.parametrize("error", [None, SimulationError("bad"), KeyboardInterrupt()])
+def test_a_run_appears_at_its_end_in_whole_whatever_ends_it(tmp_path, error):
     out = tmp_path / "a" / "run"
     with (
         suppress(SimulationError, KeyboardInterrupt),
         run_folder(out, SCENE, count_on=False) as folder,
     ):
-        (folder.path / "summary.json").write_text('{"status": "failed"}')
+        end(folder, "failed")
         assert all(name.startswith(".") for name in os.listdir(out.parent))
-        if end:
-            raise end
+        if error:
+            raise error
     assert content(tmp_path) == {
         "a/run/scene.yaml": SCENE,
         "a/run/summary.json": '{"status": "failed"}',
@@ -75,10 +80,7 @@ def test_a_run_appears_at_its_end_in_whole_whatever_ends_it(tmp_path, end):
 
 
 def test_a_run_refused_while_it_is_prepared_leaves_nothing_not_even_folders(tmp_path):
-    with (
-        pytest.raises(InputError),
-        run_folder(tmp_path / "a" / "b", SCENE, count_on=False),
-    ):
+    with refused(), run_folder(tmp_path / "a" / "b", SCENE, count_on=False):
         raise InputError
     assert list(tmp_path.iterdir()) == []
 
@@ -87,7 +89,7 @@ def test_the_same_scene_replaces_its_run(tmp_path):
     out = compute(tmp_path / "run", mark="first", status="failed")
     assert "failure.npz" in content(out)
     with run_folder(out, SCENE, count_on=False) as folder:
-        (folder.path / "summary.json").write_text('{"status": "done"}')
+        end(folder)
         assert content(out)["plot.png"] == "first"
     assert set(content(tmp_path)) == {"run/scene.yaml", "run/summary.json"}
 
@@ -95,16 +97,11 @@ def test_the_same_scene_replaces_its_run(tmp_path):
 def test_a_default_name_counts_on_past_other_runs_and_says_so(notices, tmp_path):
     for k, scene in enumerate((SCENE, OTHER, OTHER.replace("200", "300"), OTHER)):
         compute(tmp_path / "run", scene, count_on=True, mark=str(k))
-    marks = {
-        name: text
-        for name, text in content(tmp_path).items()
-        if name.endswith("plot.png")
-    }
-    assert marks == {"run/plot.png": "0", "run-2/plot.png": "3", "run-3/plot.png": "2"}
-    assert (
-        notices.messages[0]
-        == f"{tmp_path}/run holds another run; this run goes into {tmp_path}/run-2"
-    )
+    expected = {"run/plot.png": "0", "run-2/plot.png": "3", "run-3/plot.png": "2"}
+    assert marks(tmp_path) == expected
+    run = tmp_path / "run"
+    message = f"{run} holds another run; this run goes into {run}-2"
+    assert notices.messages[0] == message
     assert len(notices.messages) == 3
 
 
@@ -113,13 +110,8 @@ def test_a_folder_that_was_named_is_refused_if_it_holds_another_run_unless_overw
 ):
     compute(tmp_path / "run", mark="first", files=("video.mp4",))
     before = content(tmp_path)
-    with pytest.raises(
-        InputError,
-        match=(
-            r"run holds another run \(overwrite=True replaces it\); choose another"
-            r" folder"
-        ),
-    ):
+    text = r"run holds another run \(overwrite=True replaces it\); choose another fold"
+    with refused(text):
         compute(tmp_path / "run", OTHER)
     assert content(tmp_path) == before
     compute(tmp_path / "run", OTHER, overwrite=True, mark="second")
@@ -146,24 +138,24 @@ def test_files_that_no_run_wrote_are_never_touched(tmp_path, name, text, overwri
     path = tmp_path / "run" / name
     path.parent.mkdir(parents=True)
     path.write_text(text)
-    with pytest.raises(
-        InputError,
-        match=f"holds {Path(name).parts[0]}, which no run wrote; choose another folder",
-    ):
+    part = Path(name).parts[0]
+    with refused(f"holds {part}, which no run wrote; choose another folder"):
         compute(tmp_path / "run", overwrite=overwrite)
     assert content(tmp_path) == {f"run/{name}": text}
 
 
-@pytest.mark.parametrize("name", ["thesis.tex", "scene.yaml"])
-def test_a_run_s_folder_with_a_person_s_file_is_left_as_it_is(tmp_path, name):
+@pytest.mark.parametrize(
+    ("name", "overwrite", "text"),
+    [("thesis.tex", True, "no run wrote"), ("scene.yaml", False, "holds another run")],
+)
+def test_a_run_s_folder_with_a_person_s_file_is_left_as_it_is(
+    tmp_path, name, overwrite, text
+):
     out = compute(tmp_path / "run")
     (out / name).write_text("# mine\n" + SCENE)
     before = content(out)
-    with pytest.raises(
-        InputError,
-        match="no run wrote" if name == "thesis.tex" else "holds another run",
-    ):
-        compute(out, overwrite=name == "thesis.tex")
+    with refused(text):
+        compute(out, overwrite=overwrite)
     assert compute(out, count_on=True) == tmp_path / "run-2"
     assert content(out) == before
 
@@ -173,10 +165,7 @@ def test_a_folder_that_cannot_be_renamed_is_refused_and_an_empty_one_is_taken(
 ):
     monkeypatch.chdir(tmp_path)
     for out in (".", "../" + tmp_path.name, tmp_path.parent):
-        with pytest.raises(
-            InputError,
-            match=r"is the current folder, which no run can replace: name a folder in",
-        ):
+        with refused("is the current folder, which no run can replace: name a folder"):
             compute(out)
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "out" / "run").mkdir(parents=True)
@@ -190,12 +179,7 @@ def test_a_home_is_refused_even_if_it_is_empty(tmp_path, monkeypatch):
     (tmp_path / "home").mkdir(mode=0o700)
     before = os.stat(tmp_path / "home")
     for out in ("~", tmp_path / "home", "~/../home"):
-        with pytest.raises(
-            InputError,
-            match=(
-                "is your home, which no run can replace: name a folder in it as `out`"
-            ),
-        ):
+        with refused("is your home, which no run can replace: name a folder in it as"):
             compute(out)
     assert os.stat(tmp_path / "home") == before
     assert content(tmp_path) == {}
@@ -209,7 +193,7 @@ def test_films_and_trajectories_made_from_a_run_stay_beside_it(tmp_path):
         (out / name).write_text("x")
     with run_folder(out, SCENE, count_on=False) as folder:
         assert folder.take_over() == "video.mp4"
-        (folder.path / "summary.json").write_text('{"status": "done"}')
+        end(folder)
     assert set(content(out)) == {"scene.yaml", "summary.json", "video.mp4", *made}
     for mark in ("old", "new"):
         compute(out, mark=mark, files=("trajectory/0_springs.vtu", "trajectory.pvd"))
@@ -224,11 +208,11 @@ def test_runs_that_began_with_arrays_of_a_person_are_no_runs_of_the_same_scene(
 ):
     compute(tmp_path / "run", mark="own", lattice="a")
     for options in ({}, {"lattice": "b"}):
-        with pytest.raises(InputError, match="holds another run"):
+        with refused("holds another run"):
             compute(tmp_path / "run", **options)
     compute(tmp_path / "run", lattice="a", mark="again")
     compute(tmp_path / "run", overwrite=True)
-    with pytest.raises(InputError, match="holds another run"):
+    with refused("holds another run"):
         compute(tmp_path / "run", lattice="a")
 
 
@@ -239,24 +223,13 @@ def test_a_run_without_end_never_replaces_a_finished_one(
 ):
     compute(tmp_path / "run", mark="good")
     for mark in ("bad", "worse"):
-        out = compute(
-            tmp_path / "run",
-            status=status,
-            count_on=count_on,
-            mark=mark,
-        )
+        options = {"status": status, "count_on": count_on, "mark": mark}
+        out = compute(tmp_path / "run", **options)
         assert out == tmp_path / f"run-{status}"
-    marks = {
-        name: text
-        for name, text in content(tmp_path).items()
-        if name.endswith("plot.png")
-    }
-    assert marks == {"run/plot.png": "good", f"run-{status}/plot.png": "worse"}
-    assert (
-        notices.messages[0]
-        == f"{tmp_path}/run holds a finished run; this run goes into"
-        f" {tmp_path}/run-{status}"
-    )
+    expected = {"run/plot.png": "good", f"run-{status}/plot.png": "worse"}
+    assert marks(tmp_path) == expected
+    message = f"{tmp_path}/run holds a finished run; this run goes into {out}"
+    assert notices.messages[0] == message
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
@@ -270,13 +243,11 @@ def test_of_two_simultaneous_runs_the_later_to_finish_takes_another_folder_and_s
     third = OTHER.replace("200", "300")
     overwrite = overwrite or bool(before)
     with run_folder(tmp_path / "run", OTHER, False, overwrite) as first:
-        (first.path / "summary.json").write_text('{"status": "done"}')
+        end(first)
         with monkeypatch.context() as patch:
             patch.setattr(os, "getpid", lambda: pid + 1)
-            assert (
-                compute(tmp_path / "run", third, mark="second", overwrite=overwrite)
-                == tmp_path / "run"
-            )
+            out = compute(tmp_path / "run", third, mark="second", overwrite=overwrite)
+            assert out == tmp_path / "run"
     assert first.out == tmp_path / "run-2"
     assert len(notices.messages) == 1
     assert f"goes into {tmp_path}/run-2" in notices.messages[0]
@@ -286,27 +257,21 @@ def test_of_two_simultaneous_runs_the_later_to_finish_takes_another_folder_and_s
 
 
 def test_a_file_that_comes_while_the_run_computes_stays_and_the_run_is_not_lost(
-    notices,
-    tmp_path,
+    notices, tmp_path
 ):
     with run_folder(tmp_path / "run", SCENE, count_on=False) as folder:
-        (folder.path / "summary.json").write_text('{"status": "done"}')
+        end(folder)
         (tmp_path / "run").mkdir()
         (tmp_path / "run" / "notes").write_text("mine")
     assert folder.out == tmp_path / "run-2"
     assert len(notices.messages) == 1
-    assert set(content(tmp_path)) == {
-        "run/notes",
-        "run-2/scene.yaml",
-        "run-2/summary.json",
-    }
+    files = {"run/notes", "run-2/scene.yaml", "run-2/summary.json"}
+    assert set(content(tmp_path)) == files
 
 
 KILLED = """
 import os, shutil, sys
 from pathlib import Path
-from taichi_disk.output import files
-from taichi_disk.output.files import check_pictures
 from taichi_disk.output.run_folder import run_folder
 moves = []
 def counted(move):
@@ -327,7 +292,7 @@ with run_folder(Path(sys.argv[1]), sys.argv[2], True, True) as folder:
     for name in ("timeseries.csv", "plot.png"):
         (folder.path / name).write_text("new")
     folder.take_over()
-    (folder.path / "summary.json").write_text('{"status": "done", "mark": "new"}')
+    (folder.path / "summary.json").write_text('{"status": "done"}')
 """
 
 
@@ -345,16 +310,10 @@ def test_a_killed_run_leaves_the_old_or_the_new_one_whole_and_the_next_puts_it_r
     child.kill()
     child.wait()
     mark = "new" if moves == 2 else "old"
-    whole = {
-        "scene.yaml": SCENE,
-        "timeseries.csv": mark,
-        "plot.png": mark,
-        "render.mp4": "made",
-    }
-    assert (
-        content(out if out.exists() else tmp_path / ".taichi-disk.old.run").items()
-        >= whole.items()
-    )
+    whole = {"scene.yaml": SCENE, "render.mp4": "made"}
+    whole |= {"timeseries.csv": mark, "plot.png": mark}
+    there = out if out.exists() else tmp_path / ".taichi-disk.old.run"
+    assert content(there).items() >= whole.items()
     compute(out, mark="next")
     assert set(content(out)) == {*RUN, "render.mp4"}
     assert [name for name in os.listdir(tmp_path) if ".new." not in name] == ["run"]
@@ -366,7 +325,7 @@ def test_a_killed_run_leaves_the_old_or_the_new_one_whole_and_the_next_puts_it_r
 def test_a_run_is_copied_if_folders_cannot_be_renamed(tmp_path, monkeypatch, code):
     # A mount point is busy, an overlay does not rename folders of a lower layer, and an
     # object store has no folders.
-    def refused(move):
+    def files_only(move):
         def moved(old, new):
             if Path(old).is_dir():
                 raise OSError(code, os.strerror(code))
@@ -374,8 +333,8 @@ def test_a_run_is_copied_if_folders_cannot_be_renamed(tmp_path, monkeypatch, cod
 
         return moved
 
-    monkeypatch.setattr(os, "rename", refused(os.rename))
-    monkeypatch.setattr(os, "replace", refused(os.replace))
+    monkeypatch.setattr(os, "rename", files_only(os.rename))
+    monkeypatch.setattr(os, "replace", files_only(os.replace))
     for mark in ("old", "new"):
         out = compute(tmp_path / "run", mark=mark, files=("frames/1.png",))
         assert out == tmp_path / "run"
@@ -383,27 +342,18 @@ def test_a_run_is_copied_if_folders_cannot_be_renamed(tmp_path, monkeypatch, cod
         (out / "render.mp4").write_text("made")
     assert set(content(out)) == {*RUN, "frames/1.png", "render.mp4"}
     assert os.listdir(tmp_path) == ["run"]
-    with pytest.raises(InputError, match="holds another run"):
+    with refused("holds another run"):
         compute(out, OTHER)
 
 
-LITTER = (
-    "Thumbs.db",
-    "desktop.ini",
-    "._plot.png",
-    ".nfs000000001",
-    ".directory",
-    "@eaDir",
-    ".~lock.timeseries.csv#",
-    ".DS_Store",
-)
+LITTER = "Thumbs.db desktop.ini ._plot.png .nfs000000001 .directory @eaDir .DS_Store"
 
 
-@pytest.mark.parametrize("name", LITTER)
-def test_the_litter_of_file_systems_is_no_file_of_a_person(tmp_path, name):
+def test_the_litter_of_file_systems_is_no_file_of_a_person(tmp_path):
     out = compute(tmp_path / "run", files=("frames/00001.png",), mark="old")
-    (out / name).write_text("x")
-    (out / "frames" / name).write_text("x")
+    for name in (*LITTER.split(), ".~lock.timeseries.csv#"):
+        (out / name).write_text("x")
+        (out / "frames" / name).write_text("x")
     assert compute(out, mark="new") == out
     assert content(out)["plot.png"] == "new"
     check_pictures(out / "frames")
@@ -414,7 +364,7 @@ def test_the_litter_of_file_systems_is_no_file_of_a_person(tmp_path, name):
     ["c" * 300, "a\0b", "a/" + "b" * 256 + "/c", "/", "/proc", "/proc/taichi/disk"],
 )
 def test_a_place_that_cannot_be_written_is_refused(tmp_path, name):
-    with pytest.raises(InputError):
+    with refused():
         compute(tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 

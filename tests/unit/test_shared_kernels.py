@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window import history
 from taichi_disk.window.history import Memory
-from taichi_disk.window.sandbox import Experiment, Sandbox
+from taichi_disk.window.sandbox import Sandbox
 
 pytestmark = pytest.mark.usefixtures("kernels")  # Taichi has started
 SMALL = ["lattice.points=120", "impact.velocity=0.05"]
@@ -22,60 +21,44 @@ SCENES = [
 ]
 
 
-def moved(sandbox: Sandbox, k: int) -> None:
+def moved(sandbox, k):
     """Let a picture's time pass; after some pictures the mouse pulls a point, another
     viscosity is set, time goes back."""
-    if k == 30:
+    if k == 20:
         sandbox.pull(0.3, 2.4)
-    elif k == 45:
+    elif k == 30:
         sandbox.pull(0.6, 2.6)
-    elif k == 60:
+    elif k == 40:
         sandbox.release()
-    elif k == 80:
+    elif k == 60:
         sandbox.set("material.eta_star", 2.0)
-    elif k == 100:
+    elif k == 80:
         sandbox.step(-4)
         sandbox.pause()
     sandbox.advance(0.03, np.inf)
 
 
-def test_sandboxes_in_turn_move_as_each_does_alone(kernels: KernelCache) -> None:
-    ends = []
-    for count in (1, len(SCENES)):
-        groups = [SCENES] if count > 1 else [[one] for one in SCENES]
-        for group in groups:
-            boxes = [Sandbox(load_scene(*one), kernels) for one in group]
-            for one in boxes:
-                one.pause()
-            for k in range(160):
-                for one in boxes:
-                    moved(one, k)
-            ends += [(one.time.display.row, one.time.display.x) for one in boxes]
-    for alone, together in zip(ends[: len(SCENES)], ends[len(SCENES) :], strict=True):
-        assert np.array_equal(alone[0], together[0])
-        assert np.array_equal(alone[1], together[1])
+def ends(kernels, scenes):
+    """Return what the sandboxes of `scenes` show after a hundred pictures each."""
+    boxes = [Sandbox(load_scene(*one), kernels) for one in scenes]
+    for one in boxes:
+        one.pause()
+    for k in range(100):
+        for one in boxes:
+            moved(one, k)
+    return [one.time.display for one in boxes]
 
 
-@pytest.mark.validate
-def test_a_simulation_that_a_larger_lattice_replaces_goes_on_from_its_state() -> None:
-    kernels = KernelCache()
-    small = Sandbox(load_scene("exponential_wall", SCENES[0][1]), kernels)
-    small.pause()
-    alone = Sandbox(load_scene("exponential_wall", SCENES[0][1]), KernelCache())
-    alone.pause()
-    for k in range(40):
-        if k == 20:  # more than the smallest capacity
-            Sandbox(
-                load_scene("exponential_wall", [*SCENES[0][1], "lattice.points=13000"]),
-                kernels,
-            )
-        for one in (small, alone):
-            one.advance(0.03, np.inf)
-    assert np.array_equal(small.time.display.x, alone.time.display.x)
+def test_sandboxes_in_turn_move_as_each_does_alone(kernels):
+    together = ends(kernels, SCENES)
+    for scene, end in zip(SCENES, together, strict=True):
+        (alone,) = ends(kernels, [scene])
+        assert np.array_equal(alone.row, end.row)
+        assert np.array_equal(alone.x, end.x)
 
 
-def test_only_undisturbed_experiments_are_reported(kernels: KernelCache) -> None:
-    told: list[Experiment] = []
+def test_only_undisturbed_experiments_are_reported(kernels):
+    told = []
     sandbox = Sandbox(
         load_scene("exponential_wall", SCENES[0][1]), kernels, report=told.append
     )
@@ -91,9 +74,7 @@ def test_only_undisturbed_experiments_are_reported(kernels: KernelCache) -> None
 
 
 @pytest.mark.parametrize("sharers", [1, 30])
-def test_timelines_share_their_memory(
-    kernels: KernelCache, monkeypatch: pytest.MonkeyPatch, sharers: int
-) -> None:
+def test_timelines_share_their_memory(kernels, monkeypatch, sharers):
     memory = Memory()
     memory.sharers = sharers
     sandbox = Sandbox(load_scene("exponential_wall", SCENES[0][1]), kernels, memory)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,14 +14,14 @@ from taichi_disk.scenes.sweep_axes import FORMS, Sweep
 IMPACT = "scene: exponential_wall\n"
 
 
-def faults(text: str, *overrides: str) -> list[str]:
+def faults(text, *overrides):
     with pytest.raises(InputError) as refusal:
         load_sweep(IMPACT + text + "\n", overrides)
     lines = str(refusal.value).split("\n")
     return [line.strip().removeprefix("scene:") for line in lines[1:] or lines]
 
 
-def test_axes_multiply_and_the_last_varies_fastest() -> None:
+def test_axes_multiply_and_the_last_varies_fastest():
     sweep = load_sweep(
         IMPACT
         + "sweep: {eta_star: [0, 10], velocity: {lin: [0.01, 0.03, 3]}, seed: {range:"
@@ -35,7 +34,7 @@ def test_axes_multiply_and_the_last_varies_fastest() -> None:
     assert found == list(itertools.product((0.0, 10.0), (0.01, 0.02, 0.03), (0, 1)))
 
 
-def test_an_axis_from_python_may_be_an_array() -> None:
+def test_an_axis_from_python_may_be_an_array():
     sweep = load_sweep(
         {
             "scene": "exponential_wall",
@@ -45,7 +44,7 @@ def test_an_axis_from_python_may_be_an_array() -> None:
     assert sweep.blocks == ({"velocity": (0.01, 0.02), "seed": (3,)},)
 
 
-def test_each_point_is_the_scene_that_overrides_would_make() -> None:
+def test_each_point_is_the_scene_that_overrides_would_make():
     swept = "sweep: {boundary: [pinned, dashpot], points: [900], wall.V0: [7.0]}"
     alone = load_scene(
         "absorbing_wall",
@@ -57,7 +56,7 @@ def test_each_point_is_the_scene_that_overrides_would_make() -> None:
     )
 
 
-def test_geometric_axes_have_equal_ratios_and_their_ends() -> None:
+def test_geometric_axes_have_equal_ratios_and_their_ends():
     v = load_sweep(IMPACT + "sweep: {velocity: {geom: [3e-3, 5e-2, 12]}}\n").blocks[0][
         "velocity"
     ]
@@ -69,7 +68,7 @@ def test_geometric_axes_have_equal_ratios_and_their_ends() -> None:
     assert [scene.lattice.points for scene in whole.scenes] == [1000, 2000, 4000]
 
 
-def test_a_list_of_sections_is_swept_one_after_the_other_without_repeats() -> None:
+def test_a_list_of_sections_is_swept_one_after_the_other_without_repeats():
     text = (
         IMPACT
         + "sweep:\n  - {seed: [0, 1, 1]}\n  - {seed: [1, 2], eta_star: [10.0, 3.0]}\n"
@@ -90,13 +89,13 @@ def test_a_list_of_sections_is_swept_one_after_the_other_without_repeats() -> No
         "{file: [a b, none]}",
     ],
 )
-def test_the_resolved_sweep_is_the_same_sweep(text: str) -> None:
+def test_the_resolved_sweep_is_the_same_sweep(text):
     sweep = load_sweep(IMPACT + f"sweep: {text}\n")
     assert load_any(sweep.to_yaml()) == sweep
     assert isinstance(sweep, Sweep)
 
 
-def test_axes_can_be_set_from_the_command_line() -> None:
+def test_axes_can_be_set_from_the_command_line():
     text = IMPACT + "sweep: {velocity: {geom: [3e-3, 5e-2, 12]}, seed: {range: 8}}\n"
     new = (
         "sweep.velocity={lin: [0.01, 0.02, 2]}",
@@ -108,9 +107,7 @@ def test_axes_can_be_set_from_the_command_line() -> None:
     assert [scene.lattice.points for scene in sweep.scenes] == [500, 500]
 
 
-def test_an_axis_of_an_option_replaces_the_value_of_the_file_but_not_of_an_option() -> (
-    None
-):
+def test_an_axis_of_an_option_replaces_the_value_of_the_file_but_not_of_an_option():
     scene = "scene: exponential_wall\nimpact: {velocity: 0.5}\n"
     axis = "sweep.velocity=[0.1, 0.2]"
     found = [one.impact.velocity for one in load_sweep(scene, [axis]).scenes]
@@ -119,7 +116,7 @@ def test_an_axis_of_an_option_replaces_the_value_of_the_file_but_not_of_an_optio
         load_sweep(scene, [axis, "impact.velocity=0.3"])
 
 
-def test_an_override_sets_the_axis_in_every_section() -> None:
+def test_an_override_sets_the_axis_in_every_section():
     text = (
         IMPACT + "sweep:\n  - {seed: [1, 2], eta_star: [3]}\n  - {velocity: [0.01]}\n"
     )
@@ -204,25 +201,25 @@ def test_an_override_sets_the_axis_in_every_section() -> None:
         ),
     ],
 )
-def test_each_fault_is_reported_with_its_place(text: str, expected: str) -> None:
+def test_each_fault_is_reported_with_its_place(text, expected):
     assert faults(text) == [expected]
 
 
-def test_a_wall_is_random_where_the_disk_comes_from_a_file() -> None:
+def test_a_wall_is_random_where_the_disk_comes_from_a_file():
     scene = "scene: absorbing_wall\nlattice: {file: own.csv}\n"
     assert len(load_sweep(scene + "sweep: {seed: [0, 1]}\n").scenes) == 2
     with pytest.raises(InputError, match=r"sweep\.points: has no effect"):
         load_sweep(scene + "sweep: {points: [10, 20]}\n")
 
 
-def test_values_that_disagree_only_together_are_reported_with_the_combination() -> None:
+def test_values_that_disagree_only_together_are_reported_with_the_combination():
     # The fast disk may start at 0.065 R, but the slow one may not.
     assert faults("sweep: {gap: [0.2, 0.065], velocity: [0.05, 0.01]}")[-1].endswith(
         "(at gap: 0.065, velocity: 0.01)"
     )
 
 
-def test_run_and_sweep_refuse_each_other_s_files_with_advice(tmp_path: Path) -> None:
+def test_run_and_sweep_refuse_each_other_s_files_with_advice(tmp_path):
     (tmp_path / "s.yaml").write_text(IMPACT + "sweep: {seed: [0]}\n")
     with pytest.raises(InputError, match="taichi-disk sweep"):
         load_scene(tmp_path / "s.yaml")
