@@ -43,8 +43,11 @@ LONGER_FROM = 0.75
 # Ratio of the stated error to the error by Richardson's extrapolation, for each assumed
 # order. Order 1 has a reserve.
 ERROR_SAFETY = {1: 1.5, 2: 2.0, 4: 2.0}
-# further factor for results other than the primary one, which converge less regularly
-SECONDARY_SAFETY = 2.0
+# Results other than the primary one converge less regularly: a further factor for each
+# assumed order, and the smallest stated error over that of the primary result times the
+# scale, because two runs may agree by chance.
+SECONDARY_SAFETY = {1: 4.0, 2: 2.0, 4: 2.0}
+SECONDARY_PART = 0.03
 # smallest stated error over the worst energy imbalance, if the step does not resolve
 # the wall
 UNRESOLVED_PART = 0.5
@@ -207,10 +210,12 @@ def _errors(driver: Driver, others: list[Driver], order: int) -> dict[str, float
             of_step = ERROR_SAFETY[order] * richardson(dt, values, order)
         else:
             usual = _order(driver)
-            safety = SECONDARY_SAFETY * ERROR_SAFETY[usual]
+            safety = SECONDARY_SAFETY[usual] * ERROR_SAFETY[usual]
             of_step = safety * richardson(dt, values, usual)
+            of_step = max(of_step, SECONDARY_PART * scale * errors[primary])
         errors[name] = max(of_step, least * scale) + sampling.get(name, 0.0)
-    errors[primary] += scenario.end_truncation_error(columns)
+        if name == primary:
+            errors[name] += scenario.end_truncation_error(columns)
     return errors
 
 
