@@ -69,6 +69,14 @@ def vibration_left(columns: Columns) -> float:
     return float(left / columns["translation"][0])
 
 
+def vibration_change(columns: Columns) -> float:
+    """Return the change of the vibration's energy between the rows before and after
+    `results_time`, over the flight's energy at t = 0."""
+    stored = columns["vibration"] + columns["elastic"]
+    after = np.searchsorted(columns["t"], results_time(columns))
+    return float(abs(stored[after] - stored[after - 1]) / columns["translation"][0])
+
+
 def greatest_compression(columns: Columns) -> float:
     """Return the time at which the elastic energy is largest during contact [R/c].
 
