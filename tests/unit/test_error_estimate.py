@@ -178,6 +178,23 @@ def test_a_disk_that_comes_back_from_below_the_wall_has_no_result(step, kernels)
         computed(kernels, *fast, estimate=False)
 
 
+RESET_AT_THE_END = words("""
+    absorbing_wall lattice.points=60 lattice.seed=5731 material.viscosity=0
+    impact.velocity=0.009864 impact.angle=-0.4806 impact.spin=-0.02138
+    impact.turn=-2.6732 wall.a=134.2 wall.V0=67.1 wall.points=180 wall.width=8
+    wall.threshold=0.2867 wall.k_a=2.601 wall.boundary=reset
+    wall.reset_interval=0.1527 wall.contact=springs
+""")
+
+
+def test_the_error_of_the_vibration_counts_a_reset_at_the_end_of_the_contact(kernels):
+    # by steps 32 and 64 times shorter; a run and two shorter ones agree to 7e-7
+    scenario, outcome = computed(kernels, *RESET_AT_THE_END)
+    found = error_estimate.measured(scenario, outcome.series)["vibration_left"]
+    off = abs(found - 0.01237946)
+    assert off <= outcome.summary["error_estimate"]["vibration_left"] < 5.0 * off
+
+
 RESET = words("""
     absorbing_wall lattice.points=73 lattice.seed=339945 material.eta_star=0
     impact.velocity=0.05853 impact.offset=0.0017 wall.a=2041 wall.V0=1020.5
