@@ -202,7 +202,7 @@ def _errors(driver: Driver, others: list[Driver], order: int) -> dict[str, float
         scales["vibration_left"] = scenario.sensitivity
     sampling = _sampling_errors(scenario, columns)
     primary, _ = scenario.primary(columns)
-    errors = {}
+    errors: dict[str, float] = {}
     for name, scale in scales.items():
         if not all(name in numbers for _, numbers in runs):
             continue
