@@ -113,6 +113,16 @@ def chain(positions, bonds, mass):
     )
 
 
+def hexagon(rings):
+    """Return a patch of the perfect triangular lattice with springs of equal length, 1
+    R from its centre to a corner."""
+    steps = np.arange(-rings, rings + 1)
+    i, j = np.meshgrid(steps, steps)
+    is_inside = np.abs(i + j) <= rings
+    points = np.stack([i + 0.5 * j, np.sqrt(0.75) * j], axis=-1)[is_inside]
+    return Lattice.from_points(points / rings)
+
+
 def assert_tiles(positions, triangles, outline):
     """Check that the triangles, all counter-clockwise, fill the outline without gap or
     overlap."""

@@ -52,8 +52,7 @@ def test_the_triangles_of_a_mesh_become_a_disk(tmp_path, name):
 
 
 @pytest.mark.parametrize(
-    ("axes", "note"),
-    [((0, 1), ()), ((0, 2), ("x and z",)), ((1, 2), ("y and z",))],
+    ("axes", "note"), [((0, 1), ()), ((0, 2), ("x and z",)), ((1, 2), ("y and z",))]
 )
 def test_a_mesh_is_flat_in_any_plane_of_axes_within_single_precision(
     tmp_path, axes, note
@@ -65,13 +64,6 @@ def test_a_mesh_is_flat_in_any_plane_of_axes_within_single_precision(
     disk = Lattice.read(path)
     assert disk.positions == pytest.approx(DISK.positions, abs=1e-6)
     assert disk.notes == tuple(f"a.vtu lies in the plane of {one}" for one in note)
-
-
-def test_lengths_of_a_mesh_are_radii(tmp_path):
-    points = solid(25.0 * DISK.positions)
-    path = write(tmp_path / "a.vtu", points, ("triangle", DISK.triangles))
-    with pytest.raises(InputError, match="lengths are in units of the disk's radius R"):
-        Lattice.read(path)
 
 
 def test_a_package_that_a_format_needs_is_named(tmp_path, monkeypatch):
@@ -92,28 +84,26 @@ def test_points_without_triangles_and_on_sides_are_left_out_with_a_note(tmp_path
     number = 60 + np.arange(3 * len(start)).reshape(-1, 3)
     construction = [[0.01, 0.02]]
     points = np.concatenate([DISK.positions, on_sides, construction])
-    path = write(
-        tmp_path / "a.msh",
-        solid(points),
-        ("vertex", [[len(points) - 1]]),
-        ("line", [[0, 1]]),
-        ("triangle6", np.column_stack([start, number])),
-    )
-    disk = Lattice.read(path)
+    cells = ("triangle6", np.column_stack([start, number]))
+    others = ("vertex", [[len(points) - 1]]), ("line", [[0, 1]])
+    disk = Lattice.read(write(tmp_path / "a.msh", solid(points), *others, cells))
     assert disk.disk_points == 60
     assert len(disk.triangles) == len(start)
     count = len(points) - 60
-    assert disk.notes[0].startswith(
-        f"{count} of {len(points)} points belong to no triangle and"
-    )
+    note = f"{count} of {len(points)} points belong to no triangle and"
+    assert disk.notes[0].startswith(note)
+
+
+FLAT = solid(DISK.positions)
+TWICE = np.append(DISK.triangles, DISK.triangles[4:5], axis=0)
 
 
 @pytest.mark.parametrize(
     ("points", "cells", "message"),
     [
-        (solid(DISK.positions), ("line", [[0, 1]]), "the mesh has no triangles"),
+        (FLAT, ("line", [[0, 1]]), "the mesh has no triangles"),
         (
-            solid(DISK.positions),
+            FLAT,
             ("quad", [[0, 1, 2, 3]]),
             "the mesh has 1 cells of the kind quad: mesh the disk with triangles only",
         ),
@@ -122,12 +112,10 @@ def test_points_without_triangles_and_on_sides_are_left_out_with_a_note(tmp_path
             ("triangle", DISK.triangles),
             "the mesh is not flat: its corners extend over 1.99333 x 1.99479 x",
         ),
-        (
-            solid(DISK.positions),
-            ("triangle", np.append(DISK.triangles, DISK.triangles[4:5], axis=0)),
-            f"triangle {len(DISK.triangles)}, ",
-        ),
+        (FLAT, ("triangle", TWICE), f"triangle {len(DISK.triangles)}, "),
         (solid(0.0 * DISK.positions), ("triangle", DISK.triangles), "is flat"),
+        # lengths are radii
+        (25.0 * FLAT, ("triangle", DISK.triangles), "in units of the disk's radius R"),
     ],
 )
 def test_a_mesh_that_is_no_disk_is_refused_in_a_sentence(
@@ -161,8 +149,5 @@ def test_without_meshio_the_message_says_how_to_install_it(tmp_path, monkeypatch
 
 
 def test_meshio_is_imported_only_for_a_mesh():
-    code = (
-        "import sys, taichi_disk.lattice, taichi_disk.scenes;"
-        " sys.exit('meshio' in sys.modules)"
-    )
+    code = "import sys, taichi_disk.scenes; sys.exit('meshio' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -22,11 +22,7 @@ from taichi_disk.computation.outcome import compute
 from taichi_disk.lattice import Lattice, bulk_moduli
 from taichi_disk.output import inline
 from taichi_disk.output.artist import drawing_process
-from taichi_disk.output.plot import (
-    matplotlib_style,
-    plot_run,
-    plot_scene,
-)
+from taichi_disk.output.plot import matplotlib_style, plot_run, plot_scene
 from taichi_disk.processes.pool import Pool
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import shared_kernels
@@ -66,10 +62,8 @@ def test_an_impact_shows_velocity_force_and_energies_with_the_same_bytes_twice(
     assert len(list(tmp_path.iterdir())) == 2
     image = np.asarray(Image.open(tmp_path / "a.png").convert("L"))
     # Nothing is cut off: the outermost pixels are white.
-    assert (
-        min(edge.min() for edge in (image[0], image[-1], image[:, 0], image[:, -1]))
-        == 255
-    )
+    for edge in (image[0], image[-1], image[:, 0], image[:, -1]):
+        assert edge.min() == 255
 
     motion, force, energy, balance = figures[0].axes
     curve, mark = motion.lines
@@ -84,18 +78,11 @@ def test_an_impact_shows_velocity_force_and_energies_with_the_same_bytes_twice(
     # Energies that this run does not have (absorbed, load, rotation) are not shown; the
     # others add up to the sum.
     *parts, left, total = shown
-    assert parts == [
-        "flight",
-        "vibration",
-        "elastic",
-        "wall",
-        "dashpots",
-    ]
+    assert parts == ["flight", "vibration", "elastic", "wall", "dashpots"]
     assert total == "sum of all"
     assert sum(shown[name] for name in parts) == pytest.approx(shown[total], rel=1e-3)
-    stored = np.interp(
-        results_time(columns), columns["t"], columns["vibration"] + columns["elastic"]
-    )
+    stored = columns["vibration"] + columns["elastic"]
+    stored = np.interp(results_time(columns), columns["t"], stored)
     assert left.startswith("vibration left ")
     assert shown[left][0] == pytest.approx(stored)
     for ax, unit in ((force, "[Mc²"), (energy, "[Mc²")):
@@ -106,47 +93,35 @@ def test_an_impact_shows_velocity_force_and_energies_with_the_same_bytes_twice(
 def test_a_loading_shows_load_and_energy_against_the_compression_and_the_law(
     kernels, tmp_path, figures
 ):
-    scenario, outcome = computed(
-        kernels, "compression", "lattice.points=100", "compression.method=newton"
-    )
+    # This loading ends just before xi = 0.0175 R, the last number of its axis.
+    settings = ("lattice.points=200", "compression.method=newton")
+    scenario, outcome = computed(kernels, "compression", *settings)
     columns = outcome.series
     plot_run(tmp_path / "a.png", plot_scene(scenario, columns))
-    force, energy = figures[0].axes
+    (figure,) = figures
+    force, energy = figure.axes
     points, paper, exact = (line.get_xydata().T for line in force.lines[:3])
     assert np.array_equal(points, [columns["xi"], columns["wall_force"]])
     assert points.shape == (2, 24)
-    assert [text.get_text() for text in force.get_legend().get_texts()][1:] == [
-        "eq. (2), b = 1",
-        "exact law, rigid wall",
-    ]
-    E, nu = (lambda found: (found.young, found.poisson))(bulk_moduli(100, 0, 1.0, 0.7))
-    p = 1e-2 / (np.pi * E)
+    _, *laws = (text.get_text() for text in force.get_legend().get_texts())
+    assert laws == ["eq. (2), b = 1", "exact law, rigid wall"]
+    moduli = bulk_moduli(200, 0, 1.0, 0.7)
+    nu = moduli.poisson
+    p = 1e-2 / (np.pi * moduli.young)
     assert paper[:, -1] == pytest.approx([p * (np.log(4.0 / p) - 1.0 - nu), 1e-2])
-    assert exact[:, -1] == pytest.approx(
-        [p * (np.log(1.0 / p) - (1.0 + nu) / 4.0), 1e-2]
-    )
-    assert [text.get_text() for text in force.texts] == [
-        f"ξ = {columns['xi'][-1]:.3g} R"
-    ]
-    assert "[R/c]" not in energy.get_xlabel()
+    expected = p * (np.log(1.0 / p) - (1.0 + nu) / 4.0)
+    assert exact[:, -1] == pytest.approx([expected, 1e-2])
+    (text,) = force.texts
+    assert text.get_text() == f"ξ = {columns['xi'][-1]:.3g} R"
     assert energy.get_xlabel().endswith("[R]")
     elastic, wall, stored = (line.get_ydata() for line in energy.lines)
     assert stored == pytest.approx(elastic + wall)
     assert np.array_equal(wall, columns["wall"])
-
-
-def test_the_last_number_of_a_loading_s_axis_is_not_cut_off(kernels, tmp_path, figures):
-    # This loading ends just before xi = 0.0175 R, the last number of its axis.
-    scenario, outcome = computed(
-        kernels, "compression", "lattice.points=200", "compression.method=newton"
-    )
-    plot_run(tmp_path / "a.png", plot_scene(scenario, outcome.series))
-    (figure,) = figures
-    ax = figure.axes[1]
-    _, end = ax.get_xlim()
-    last = [label for label in ax.get_xticklabels() if label.get_position()[0] <= end]
-    assert last[-1].get_text() == "0.0175"
-    assert last[-1].get_window_extent().x1 < figure.bbox.x1
+    _, end = energy.get_xlim()
+    labels = energy.get_xticklabels()
+    labels = [each for each in labels if each.get_position()[0] <= end]
+    assert labels[-1].get_text() == "0.0175"
+    assert labels[-1].get_window_extent().x1 < figure.bbox.x1  # it is not cut off
 
 
 @pytest.mark.validate
@@ -157,9 +132,8 @@ def test_no_law_is_drawn_for_custom_points_whose_moduli_are_unknown(
     scenario = scene.scenario(Lattice.from_points(disk(60).positions))
     columns = compute(scenario).series
     plot_run(tmp_path / "a.png", plot_scene(scenario, columns))
-    assert [
-        text.get_text() for text in figures[0].axes[0].get_legend().get_texts()
-    ] == ["equilibria"]
+    (text,) = figures[0].axes[0].get_legend().get_texts()
+    assert text.get_text() == "equilibria"
 
 
 @pytest.mark.validate
@@ -170,7 +144,7 @@ def test_plots_by_threads_with_other_styles_and_by_another_process_have_the_same
     monkeypatch.setitem(matplotlib.rcParams, "text.usetex", True)
     monkeypatch.setitem(matplotlib.rcParams, "savefig.dpi", 900)
 
-    def draw(name: str) -> bytes:
+    def draw(name):
         with matplotlib_style({"font.size": 5.0, "lines.linewidth": 9.0}):
             time.sleep(0.01)
         plot_run(tmp_path / name, plot_scene(*impact))
@@ -182,11 +156,8 @@ def test_plots_by_threads_with_other_styles_and_by_another_process_have_the_same
     assert len(first) < 500_000
     monkeypatch.setattr("taichi_disk.output.plot.plot_run", plot_run)
     # also if that process fails
-    for python, is_elsewhere in (
-        (sys.executable, True),
-        ("/nowhere/python", False),
-        ("/bin/false", False),
-    ):
+    pythons = {sys.executable: True, "/nowhere/python": False, "/bin/false": False}
+    for python, is_elsewhere in pythons.items():
         monkeypatch.setattr(sys, "executable", python)
         (tmp_path / "b.png").unlink()
         with drawing_process(film=True) as artist:

@@ -4,7 +4,6 @@ conclusions."""
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,8 +28,14 @@ STEP = StepError(
 )
 
 
+def drag(scenario):
+    """Return how strongly the resets brake a wall's boundary."""
+    boundary = len(scenario.lattice.wall_boundary)
+    return scenario.lattice.masses[0] * boundary / scenario.model.reset_interval
+
+
 @pytest.mark.parametrize("kind", ["exponential_wall", "absorbing_wall"])
-def test_a_finer_lattice_is_of_the_same_material(kind: str) -> None:
+def test_a_finer_lattice_is_of_the_same_material(kind):
     scene = load_scene(kind, ["lattice.points=60", "material.eta_star=5"])
     changed = scene.with_(finer_lattice(scene))
     assert changed.lattice.points == 240
@@ -39,35 +44,23 @@ def test_a_finer_lattice_is_of_the_same_material(kind: str) -> None:
     before = scene.scenario()
     after = changed.scenario()
     if kind == "absorbing_wall":
-        drags = [
-            2.0
-            * scenario.lattice.masses[0]
-            * len(scenario.lattice.wall_boundary)
-            / scenario.model.reset_interval
-            for scenario in (before, after)
-        ]
-        assert drags[1] == pytest.approx(drags[0], rel=0.1)
+        assert drag(after) == pytest.approx(drag(before), rel=0.1)
     assert after.model.springs.eta == pytest.approx(before.model.springs.eta)
     assert before.model.springs.eta > 0.0
-    disk = slice(0, 60), slice(0, 240)
-    assert after.lattice.masses[disk[1]].sum() == pytest.approx(
-        before.lattice.masses[disk[0]].sum()
-    )
-    assert np.ptp(after.lattice.positions[:, 0]) == pytest.approx(
-        np.ptp(before.lattice.positions[:, 0]), rel=0.02
-    )
+    mass = before.lattice.masses[:60].sum()
+    assert after.lattice.masses[:240].sum() == pytest.approx(mass)
+    width = np.ptp(before.lattice.positions[:, 0])
+    assert np.ptp(after.lattice.positions[:, 0]) == pytest.approx(width, rel=0.02)
 
 
 @pytest.mark.usefixtures("kernels")
-def test_effects_are_those_of_running_the_changed_scenes(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_effects_are_those_of_running_the_changed_scenes(monkeypatch):
     monkeypatch.setattr("taichi_disk.accuracy.study.SEEDS", 3)
     # a step that suits the scene, but no finer lattice
     own = ["lattice.points=30", "material.eta_star=0"]
     found = effects(load_scene("exponential_wall", [*own, "time.dt=0.04"]), silent)
 
-    def e(**keys: object) -> float:
+    def e(**keys):
         scene = load_scene("exponential_wall", own).with_(**keys)
         return run(scene, lattices=1).restitution
 
@@ -80,16 +73,14 @@ def test_effects_are_those_of_running_the_changed_scenes(
 
 
 @pytest.mark.usefixtures("kernels")
-def test_points_from_a_file_have_no_other_sample(tmp_path: Path) -> None:
+def test_points_from_a_file_have_no_other_sample(tmp_path):
     disk = Lattice.disk(30, 0)
     np.savetxt(tmp_path / "points.csv", disk.positions, delimiter=",")
-    own = load_scene(
-        {"scene": "exponential_wall", "lattice": {"file": str(tmp_path / "points.csv")}}
-    )
+    own = load_scene("exponential_wall", [f"lattice.file={tmp_path / 'points.csv'}"])
     assert effects(own, silent).keys() == {HARDER}
 
 
-def study_of(scene: str, *settings: str) -> StepStudy:
+def study_of(scene, *settings):
     loaded = load_scene(scene, settings)
     scenario = loaded.scenario()
     limits = spectrum(scenario.lattice, scenario.model)
@@ -98,35 +89,28 @@ def study_of(scene: str, *settings: str) -> StepStudy:
 
 @pytest.mark.validate
 @pytest.mark.usefixtures("kernels")
-def test_errors_fall_with_the_square_of_the_step(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_errors_fall_with_the_square_of_the_step(monkeypatch):
     monkeypatch.setattr(steps, "FRACTIONS", (0.4, 0.2, 0.1))
     monkeypatch.setattr(steps, "REPEATS", 1)
     study = study_of("exponential_wall", "lattice.points=30", "material.eta_star=20")
     found = study.measure(lambda number: None)
     assert sum(point.is_default for point in found) == 1
     for integrator in ("velocity_verlet", "trapezoidal"):
-        curve = [
-            point
-            for point in found
-            if point.integrator == integrator and not point.is_default
-        ]
+        own = [one for one in found if one.integrator == integrator]
+        curve = [one for one in own if not one.is_default]
         dt, error, off = np.array(
-            [(point.dt, point.error, point.trajectory_error) for point in curve]
+            [(one.dt, one.error, one.trajectory_error) for one in curve]
         ).T
-        assert np.polyfit(np.log(dt), np.log(off), 1)[0] == pytest.approx(2.0, abs=0.1)
-        assert np.polyfit(np.log(dt), np.log(error), 1)[0] == pytest.approx(
-            2.0, abs=0.2
-        )
+        for errors, tolerance in ((off, 0.1), (error, 0.2)):
+            order, _ = np.polyfit(np.log(dt), np.log(errors), 1)
+            assert order == pytest.approx(2.0, abs=tolerance)
         assert off[-1] < 1e-3
-        assert [point.steps * point.dt for point in curve] == pytest.approx(
-            len(curve) * [study.end]
-        )
+        for one in curve:
+            assert one.steps * one.dt == pytest.approx(study.end)
 
 
 @pytest.mark.usefixtures("kernels")
-def test_steps_fit_the_resets_of_a_boundary() -> None:
+def test_steps_fit_the_resets_of_a_boundary():
     study = study_of(
         "absorbing_wall", "lattice.points=30", "wall.points=36", "wall.width=3.0"
     )
@@ -135,13 +119,13 @@ def test_steps_fit_the_resets_of_a_boundary() -> None:
     assert all(number % round(resets) == 0 for _, number in study.runs)
 
 
-def test_the_sentence_says_what_matters() -> None:
+def test_the_sentence_says_what_matters():
     changes = {SCATTER: 9e-4, FINER: 5e-4, HARDER: -0.04}
-    assert (
-        sentence("restitution", [STEP], changes)
-        == "restitution: time step 1e-06, lattice scatter 0.0009, 4 times the points"
+    expected = (
+        "restitution: time step 1e-06, lattice scatter 0.0009, 4 times the points"
         " 0.0005, wall 10 times as hard -0.04: use more seeds, not smaller steps"
     )
+    assert sentence("restitution", [STEP], changes) == expected
     finer = changes | {FINER: -0.01}
     assert "more seeds and points," in sentence("restitution", [STEP], finer)
     coarse = [replace(STEP, error=0.1)]
