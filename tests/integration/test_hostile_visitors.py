@@ -14,7 +14,6 @@ import sys
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from functools import partial
-from pathlib import Path
 from threading import Event
 from typing import Any
 from unittest.mock import Mock
@@ -31,7 +30,6 @@ from taichi_disk.window.audience import MAX_SEATS, Audience
 from taichi_disk.window.controls import Preset
 from taichi_disk.window.door import Door
 from taichi_disk.window.session import HEADER, MAX_BYTES, Common
-from tests.browser import Browser
 
 SETTINGS = ["lattice.points=60", "impact.velocity=0.05", "material.eta_star=1"]
 # of sockets, so that little is under way to somebody who does not read [bytes]
@@ -134,9 +132,7 @@ async def until(condition: Callable[[], object]) -> None:
 
 @pytest.mark.parametrize("count", [20, 100])
 @pytest.mark.validate
-def test_a_crowd_that_comes_at_once_is_served_as_far_as_there_is_room(
-    audience: Audience, count: int
-) -> None:
+def test_a_crowd_that_comes_at_once_is_served_as_far_as_there_is_room(audience, count):
     async def act(port: int) -> None:
         async with AsyncExitStack() as stack:
             crowd = await asyncio.gather(
@@ -164,9 +160,7 @@ def test_a_crowd_that_comes_at_once_is_served_as_far_as_there_is_room(
 
 @pytest.mark.parametrize("count", [30, 100])
 @pytest.mark.validate
-def test_a_page_that_is_reloaded_again_and_again_leaves_nothing_behind(
-    audience: Audience, count: int
-) -> None:
+def test_a_page_that_is_reloaded_again_and_again_leaves_nothing_behind(audience, count):
     async def act(port: int) -> None:
         await asyncio.sleep(0.1)  # the server has begun
         tasks = len(asyncio.all_tasks())
@@ -185,8 +179,8 @@ def test_a_page_that_is_reloaded_again_and_again_leaves_nothing_behind(
 @pytest.mark.parametrize("claims_to_draw", [False, True])
 @pytest.mark.validate
 def test_a_page_that_reads_nothing_gets_no_queue_and_finds_its_disk_again(
-    audience: Audience, monkeypatch: pytest.MonkeyPatch, claims_to_draw: bool
-) -> None:
+    audience, monkeypatch, claims_to_draw
+):
     connections: list[Any] = []
     answer = Door.answer
     monkeypatch.setattr(server.server, "serve", partial(server.server.serve, **QUICK))
@@ -236,7 +230,7 @@ NOISE = [
 ]
 
 
-def test_requests_that_are_none_get_no_answer_or_a_refusal(audience: Audience) -> None:
+def test_requests_that_are_none_get_no_answer_or_a_refusal(audience):
     async def ask(port: int, noise: bytes) -> bytes:
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
         writer.write(noise)
@@ -263,9 +257,7 @@ def test_requests_that_are_none_get_no_answer_or_a_refusal(audience: Audience) -
 
 
 @pytest.mark.parametrize("count", [300, pytest.param(5000, marks=pytest.mark.validate)])
-def test_a_flood_of_rubbish_is_counted_and_everybody_else_goes_on(
-    audience: Audience, count: int
-) -> None:
+def test_a_flood_of_rubbish_is_counted_and_everybody_else_goes_on(audience, count):
     choose = random.Random(4)
     values = {"value": 1e300, "x": 0.1, "y": 2, "t": -1, "angle": 1, "final": 0}
     kinds = [
@@ -314,7 +306,7 @@ def test_a_flood_of_rubbish_is_counted_and_everybody_else_goes_on(
     visited(audience, act)
 
 
-def test_pages_that_are_silent_do_not_hold_up_the_end(audience: Audience) -> None:
+def test_pages_that_are_silent_do_not_hold_up_the_end(audience):
     async def visit() -> None:
         with socket.create_server(("127.0.0.1", 0)) as listening:
             port = listening.getsockname()[1]
@@ -364,12 +356,8 @@ class Probe(socket.socket):
     ],
 )
 def test_a_server_prints_each_address_that_answers_once_and_a_code_for_others(
-    monkeypatch: pytest.MonkeyPatch,
-    host: str,
-    bound: str,
-    printed: list[str],
-    encoding: str,
-) -> None:
+    monkeypatch, host, bound, printed, encoding
+):
     if ":" in host and not socket.has_dualstack_ipv6():
         pytest.skip("no IPv6")
     own = ("127.0.1.1", "192.0.2.2", "192.0.2.2")
@@ -398,16 +386,14 @@ def test_a_server_prints_each_address_that_answers_once_and_a_code_for_others(
     assert ("█" in text) == (host == "0.0.0.0" and encoding == "utf-8")
 
 
-def test_an_empty_host_does_not_listen_everywhere() -> None:
+def test_an_empty_host_does_not_listen_everywhere():
     with pytest.raises(InputError, match=r"--host is empty.*0\.0\.0\.0"):
         server.serve(PLAYLIST, "")
 
 
 @pytest.mark.usefixtures("quick")
 @pytest.mark.validate
-def test_a_browser_in_the_foreground_does_not_hold_up_the_server(
-    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_browser_in_the_foreground_does_not_hold_up_the_server(monkeypatch, capfd):
     is_closed = Event()
     opened: list[str] = []
 
@@ -431,8 +417,8 @@ def test_a_browser_in_the_foreground_does_not_hold_up_the_server(
 
 @pytest.mark.validate
 def test_a_film_survives_a_program_that_is_killed_and_its_page_finds_the_next_one(
-    tmp_path: Path, browser: Browser
-) -> None:
+    tmp_path, browser
+):
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     code = (

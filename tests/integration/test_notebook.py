@@ -65,7 +65,7 @@ async def until(condition: Callable[[], object]) -> None:
 
 
 @pytest.mark.validate
-def test_a_widget_is_played_with_while_cells_compute(tmp_path: Path) -> None:
+def test_a_widget_is_played_with_while_cells_compute(tmp_path):
     async def act(sandbox: Any, say: Callable[..., None], sent: list[Any]) -> None:
         say("set", key="speed", value=10.0)
         say("press", key="space")
@@ -85,7 +85,7 @@ def test_a_widget_is_played_with_while_cells_compute(tmp_path: Path) -> None:
 
 
 @pytest.mark.validate
-def test_a_widget_begins_anew_after_the_user_s_own_init_and_says_so() -> None:
+def test_a_widget_begins_anew_after_the_user_s_own_init_and_says_so():
     code = f"""
 import asyncio, json
 from taichi_disk.engine import ti
@@ -128,7 +128,7 @@ asyncio.run(notebook())
 
 
 @pytest.mark.validate
-def test_a_widget_of_no_scene_says_so_once() -> None:
+def test_a_widget_of_no_scene_says_so_once():
     code = """
 import asyncio
 from taichi_disk.notebook import Sandbox
@@ -143,7 +143,7 @@ asyncio.run(notebook())
 
 
 @pytest.mark.validate
-def test_a_message_that_another_thread_delivers_is_obeyed_at_once() -> None:
+def test_a_message_that_another_thread_delivers_is_obeyed_at_once():
     async def act(sandbox: Any, say: Callable[..., None], sent: list[Any]) -> None:
         def press_and_wait() -> None:
             time.sleep(0.2)
@@ -161,7 +161,7 @@ def test_a_message_that_another_thread_delivers_is_obeyed_at_once() -> None:
 
 @pytest.mark.validate
 @pytest.mark.skipif(not shutil.which("node"), reason="no node")
-def test_the_widget_s_modules_use_no_name_twice(tmp_path: Path) -> None:
+def test_the_widget_s_modules_use_no_name_twice(tmp_path):
     script = tmp_path / "widget.mjs"
 
     async def act(sandbox: Any, *_: Any) -> None:
@@ -181,9 +181,7 @@ return Boolean(window.sandbox);
 
 @pytest.mark.validate
 @pytest.mark.skipif(find_spec("jupyterlab") is None, reason="no JupyterLab")
-def test_in_jupyterlab_a_widget_is_played_with(
-    tmp_path: Path, browser: Browser
-) -> None:
+def test_in_jupyterlab_a_widget_is_played_with(tmp_path, browser):
     import nbformat  # 2 s
 
     code = (
@@ -225,7 +223,7 @@ def test_in_jupyterlab_a_widget_is_played_with(
 
 
 @pytest.mark.validate
-def test_without_the_extra_the_message_names_it() -> None:
+def test_without_the_extra_the_message_names_it():
     code = "import sys; sys.modules['anywidget'] = None; import taichi_disk.notebook"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (
@@ -244,9 +242,7 @@ SCENE = {
 
 
 @pytest.mark.validate
-def test_a_result_is_a_line_in_a_terminal_and_a_table_with_a_plot_in_a_notebook() -> (
-    None
-):
+def test_a_result_is_a_line_in_a_terminal_and_a_table_with_a_plot_in_a_notebook():
     result = run(SCENE, lattices=1)
     assert (
         repr(result).startswith("Result(exponential_wall, 60 points, restitution 0.")
@@ -265,9 +261,7 @@ def test_a_result_is_a_line_in_a_terminal_and_a_table_with_a_plot_in_a_notebook(
 
 
 @pytest.mark.skipif(film_problem() is not None, reason="no Vulkan driver")
-def test_a_film_is_shown_inline_with_controls_and_leaves_no_file(
-    tmp_path: Path, monkeypatch: Any
-) -> None:
+def test_a_film_is_shown_inline_with_controls_and_leaves_no_file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     result = run(SCENE, lattices=1)
@@ -283,9 +277,7 @@ def test_a_film_is_shown_inline_with_controls_and_leaves_no_file(
 
 
 @pytest.mark.validate
-def test_a_sweep_shows_its_fits_and_gives_a_figure_and_a_table(
-    tmp_path: Path, monkeypatch: Any
-) -> None:
+def test_a_sweep_shows_its_fits_and_gives_a_figure_and_a_table(tmp_path, monkeypatch):
     points = "scene: exponential_wall\nlattice: {points: 60}\n"
     done = run_sweep(
         load_sweep(points + "sweep: {velocity: [0.02, 0.05, 0.1]}"),
@@ -312,8 +304,8 @@ def test_a_sweep_shows_its_fits_and_gives_a_figure_and_a_table(
 
 
 def test_long_work_shows_a_bar_by_itself_in_a_notebook_which_goes_at_the_end(
-    monkeypatch: Any,
-) -> None:
+    monkeypatch,
+):
     class ZMQInteractiveShell:
         pass
 
@@ -351,9 +343,7 @@ NOTEBOOKS = sorted((Path(__file__).parents[2] / "docs/notebooks").glob("*.ipynb"
 
 @pytest.mark.validate
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_notebooks_run_and_print_nothing_that_is_not_theirs(
-    path: Path, tmp_path: Path
-) -> None:
+def test_notebooks_run_and_print_nothing_that_is_not_theirs(path, tmp_path):
     import nbformat  # 2 s
     from nbclient import NotebookClient
 

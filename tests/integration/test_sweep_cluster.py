@@ -116,9 +116,7 @@ def kill(process: subprocess.Popen[bytes]) -> None:
 # ---- processes of this machine
 
 
-def test_a_killed_sweep_goes_on_where_it_was(
-    scene: Path, expected: bytes, tmp_path: Path
-) -> None:
+def test_a_killed_sweep_goes_on_where_it_was(scene, expected, tmp_path):
     out = tmp_path / "out"
     first = started(*command(scene, out, "--jobs", "2"))
     wait_until(lambda: count(out) > 0, "no point is done")
@@ -137,9 +135,7 @@ def test_a_killed_sweep_goes_on_where_it_was(
 # a terminal interrupts the whole group; `timeout` and batch systems terminate it
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("after", [0.0, 0.5])
-def test_an_interrupted_sweep_ends_at_once_and_says_so(
-    scene: Path, tmp_path: Path, after: float, number: signal.Signals
-) -> None:
+def test_an_interrupted_sweep_ends_at_once_and_says_so(scene, tmp_path, after, number):
     out = tmp_path / "out"
     # each scene takes minutes
     options = ("--jobs", "2", "--set", "lattice.points=20000")
@@ -164,8 +160,8 @@ def test_an_interrupted_sweep_ends_at_once_and_says_so(
 
 
 def test_a_killed_worker_ends_the_sweep_and_the_same_command_goes_on(
-    scene: Path, expected: bytes, tmp_path: Path
-) -> None:
+    scene, expected, tmp_path
+):
     out = tmp_path / "out"
     process = subprocess.Popen(
         command(scene, out, "--jobs", "2"),
@@ -188,8 +184,8 @@ def test_a_killed_worker_ends_the_sweep_and_the_same_command_goes_on(
 
 
 def test_parts_at_the_same_time_in_one_folder_one_of_them_killed(
-    scene: Path, expected: bytes, tmp_path: Path
-) -> None:
+    scene, expected, tmp_path
+):
     out = tmp_path / "out"
     parts = [
         started(*command(scene, out, "--part", f"{k}/3", "--jobs", "1"))
@@ -209,9 +205,7 @@ def test_parts_at_the_same_time_in_one_folder_one_of_them_killed(
     assert (out / "points.csv").read_bytes() == expected
 
 
-def test_workers_leave_their_kernels_to_the_next_sweep(
-    scene: Path, tmp_path: Path
-) -> None:
+def test_workers_leave_their_kernels_to_the_next_sweep(scene, tmp_path):
     cache = tmp_path / "cache"
     cache.mkdir()
     environment = os.environ | {"TI_OFFLINE_CACHE_FILE_PATH": str(cache)}
@@ -226,8 +220,8 @@ def test_workers_leave_their_kernels_to_the_next_sweep(
 
 
 def test_a_script_needs_no_guard_not_even_from_standard_input(
-    scene: Path, expected: bytes, tmp_path: Path
-) -> None:
+    scene, expected, tmp_path
+):
     script = (
         "from taichi_disk import load_sweep, run_sweep\n"
         f"run_sweep(load_sweep({str(scene)!r}), {str(tmp_path / 'out')!r}, jobs=2)\n"
@@ -304,9 +298,7 @@ def cluster(tmp_path: Path) -> Iterator[Cluster]:
         kill(process)
 
 
-def test_a_killed_dask_worker_and_a_killed_client(
-    cluster: Cluster, scene: Path, expected: bytes, tmp_path: Path
-) -> None:
+def test_a_killed_dask_worker_and_a_killed_client(cluster, scene, expected, tmp_path):
     out = tmp_path / "out"
     first = started(*command(scene, out, "--scheduler", cluster.address))
     wait_until(lambda: count(out) > 0, "no point is done")
@@ -321,9 +313,7 @@ def test_a_killed_dask_worker_and_a_killed_client(
     assert (out / "points.csv").read_bytes() == expected
 
 
-def test_a_dask_worker_without_the_package_is_named(
-    cluster: Cluster, scene: Path, tmp_path: Path
-) -> None:
+def test_a_dask_worker_without_the_package_is_named(cluster, scene, tmp_path):
     (tmp_path / "sitecustomize.py").write_text(
         "import sys\nsys.modules['taichi_disk'] = None\n"
     )
@@ -344,8 +334,8 @@ def test_a_dask_worker_without_the_package_is_named(
 
 
 def test_a_dask_worker_with_several_threads_gives_the_same_bytes(
-    cluster: Cluster, scene: Path, expected: bytes, tmp_path: Path
-) -> None:
+    cluster, scene, expected, tmp_path
+):
     for worker in cluster.workers:
         kill(worker)
     cluster.add_worker(threads=4)
@@ -353,9 +343,7 @@ def test_a_dask_worker_with_several_threads_gives_the_same_bytes(
     assert (tmp_path / "out" / "points.csv").read_bytes() == expected
 
 
-def test_a_sweep_waits_while_there_are_no_workers(
-    cluster: Cluster, scene: Path, expected: bytes, tmp_path: Path
-) -> None:
+def test_a_sweep_waits_while_there_are_no_workers(cluster, scene, expected, tmp_path):
     out = tmp_path / "out"
     for worker in cluster.workers:
         kill(worker)
@@ -374,8 +362,8 @@ def test_a_sweep_waits_while_there_are_no_workers(
 
 
 def test_a_scheduler_that_goes_ends_the_sweep_and_the_last_line_says_so(
-    cluster: Cluster, scene: Path, tmp_path: Path
-) -> None:
+    cluster, scene, tmp_path
+):
     out = tmp_path / "out"
     process = subprocess.Popen(
         command(scene, out, "--scheduler", cluster.address),
