@@ -3,14 +3,9 @@ end."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from taichi_disk.simulation.observables import Columns
-
-if TYPE_CHECKING:
-    from taichi_disk.lattice import Array
 
 # contact lasts while the wall's force exceeds this fraction of its peak
 CONTACT_LEVEL = 0.01
@@ -19,15 +14,17 @@ CONTACT_LEVEL = 0.01
 STRETCHED = 0.1
 
 
-def contact_interval(t: Array, force: Array, velocity: Array) -> tuple[float, float]:
-    """Return the first and last times at which `force` crosses CONTACT_LEVEL of its
-    peak, log-linear between samples.
+def contact_interval(columns: Columns) -> tuple[float, float]:
+    """Return the first and last times at which the wall's force crosses CONTACT_LEVEL
+    of its peak, log-linear between samples.
 
     If no sample of a very short contact has a force, return the sample times between
     which the disk turned back.
     """
+    t = columns["t"]
+    force = columns["wall_force"]
     if not force.any():
-        turned = int(np.argmax(velocity > 0.0))
+        turned = int(np.argmax(columns["com_vy"] > 0.0))
         return float(t[turned - 1]), float(t[turned])
     level = CONTACT_LEVEL * force.max()
     # above the level, as a logarithm
@@ -58,7 +55,7 @@ def results_time(columns: Columns) -> float:
     t = columns["t"]
     if not (columns["dissipated"][-1] or columns["absorbed"][-1]):
         return float(t[-1])
-    return contact_interval(t, columns["wall_force"], columns["com_vy"])[1]
+    return contact_interval(columns)[1]
 
 
 def vibration_left(columns: Columns) -> float:

@@ -133,7 +133,7 @@ def faster_than_before(gained: dict[str, float]) -> str:
 def _rotation_lost(scenario: Scenario, columns: Columns) -> str:
     t = columns["t"]
     spin = columns["angular_momentum"]
-    start, _ = contact_interval(t, columns["wall_force"], columns["com_vy"])
+    start, _ = contact_interval(columns)
     flights = {"before the contact": (t[0], start)}
     if "spin_after" in scenario.result(columns):
         when = "after the contact, at the end of which results are measured"

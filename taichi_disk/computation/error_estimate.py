@@ -173,9 +173,7 @@ def _most_inverted(driver: Driver, states: Iterable[Array]) -> int:
 def contact_states(driver: Driver, columns: Columns) -> Iterator[Array]:
     """Advance `driver` through the contact, and yield positions (n, 2) on the way.
     `columns`: of a finished run of the same scene."""
-    start, end = contact_interval(
-        columns["t"], columns["wall_force"], columns["com_vy"]
-    )
+    start, end = contact_interval(columns)
     times = [*np.linspace(start, end, INSTANTS), greatest_compression(columns)]
     for t in sorted(times):
         steps = round(t / driver.step.dt) - driver.simulation.step_number

@@ -103,7 +103,7 @@ def time_of(moment: Any, columns: dict[str, Array]) -> float:
 def contact_of(run: Run) -> tuple[float, float]:
     """Return the first and last time of the contact [R/c]."""
     columns = run.series
-    return contact_interval(columns["t"], columns["wall_force"], columns["com_vy"])
+    return contact_interval(columns)
 
 
 def film_times(whole: tuple[float, float], runs: Sequence[Run], longest: Run) -> Array:

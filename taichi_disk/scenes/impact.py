@@ -356,9 +356,7 @@ class ImpactScenario(Scenario):
         return float(np.sqrt(self.reference_energy / self.kinetic))
 
     def result(self, columns: Columns) -> dict[str, float]:
-        start, end = contact_interval(
-            columns["t"], columns["wall_force"], columns["com_vy"]
-        )
+        start, end = contact_interval(columns)
         found = {
             "restitution": self._speed_after(columns) / self.speed_before,
             "contact_time": end - start,

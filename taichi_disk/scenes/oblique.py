@@ -81,7 +81,7 @@ def _height_at_contact(columns: Columns, outline: Array, inertia: float) -> floa
     """Return the height of the centre of mass above the lowest point of the unloaded
     body [R], turned as the body is when it meets the wall."""
     t = columns["t"]
-    start, _ = contact_interval(t, columns["wall_force"], columns["com_vy"])
+    start, _ = contact_interval(columns)
     mean_spin = float(columns["angular_momentum"][t <= start].mean()) / inertia
     angle = mean_spin * start
     x, y = outline.T

@@ -25,21 +25,22 @@ def test_a_contact_lasts_while_the_force_exceeds_a_hundredth_of_its_peak():
     t = np.linspace(0.0, 30.0, 1001)
     tau = 1.7
     t0 = t[500]
-    found = contact_interval(t, 3.0 * np.exp(-np.abs(t - t0) / tau), t - t0)
+    force = 3.0 * np.exp(-np.abs(t - t0) / tau)
+    found = contact_interval({"t": t, "wall_force": force})
     assert found == pytest.approx(
         (t0 - tau * np.log(100.0), t0 + tau * np.log(100.0)), abs=1e-9
     )
     # For two contacts, the time from the first to the last.
-    found = contact_interval(
-        t, np.exp(-((t - 8.0) ** 2)) + 0.5 * np.exp(-((t - 20.0) ** 2)), t - t0
-    )
+    force = np.exp(-((t - 8.0) ** 2)) + 0.5 * np.exp(-((t - 20.0) ** 2))
+    found = contact_interval({"t": t, "wall_force": force})
     assert found == pytest.approx(
         (8.0 - np.sqrt(np.log(100.0)), 20.0 + np.sqrt(np.log(50.0))), abs=1e-3
     )
     # A contact without any row lies between the rows before and after it.
     t = np.arange(5.0)
     v = np.array([-1.0, -1.0, -1.0, 0.9, 0.9])
-    assert contact_interval(t, np.zeros(5), v) == (2.0, 3.0)
+    without = {"t": t, "wall_force": np.zeros(5), "com_vy": v}
+    assert contact_interval(without) == (2.0, 3.0)
 
 
 @pytest.mark.parametrize("loss", ["dissipated", "absorbed"])
@@ -54,5 +55,5 @@ def test_without_losses_results_are_measured_at_the_end_of_the_run():
 def test_a_contact_may_begin_with_the_second_row():
     # the logarithm of the force is straight between two rows
     force = np.array([1e-4, 1.0, 1.0, 1e-4, 0.0])
-    start, end = contact_interval(np.arange(5.0), force, np.arange(5.0) - 1.5)
-    assert (start, end) == pytest.approx((0.5, 2.5))
+    found = contact_interval({"t": np.arange(5.0), "wall_force": force})
+    assert found == pytest.approx((0.5, 2.5))
