@@ -58,18 +58,11 @@ def test_an_affinity_is_respected():
     assert done.stdout == "1\n"
 
 
-@pytest.mark.parametrize(
-    ("name", "is_python"),
-    [
-        ("python", True),
-        ("Python3.13", True),
-        ("pypy3", True),
-        ("blender", False),
-        ("qgis-bin.exe", False),
-        ("", False),
-        (None, False),
-    ],
-)
+PYTHONS = {"python": True, "Python3.13": True, "pypy3": True}
+OTHERS = dict.fromkeys(["blender", "qgis-bin.exe", "", None], False)
+
+
+@pytest.mark.parametrize(("name", "is_python"), [*PYTHONS.items(), *OTHERS.items()])
 def test_an_application_that_contains_python_is_no_python(
     name, is_python, tmp_path, monkeypatch
 ):

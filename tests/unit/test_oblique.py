@@ -8,7 +8,6 @@ from math import pi
 import numpy as np
 import pytest
 
-from taichi_disk import Lattice, load_scene, run
 from taichi_disk.scenes import oblique
 
 # half-width and half-height of a flat plate [R], at rest in its frame
@@ -76,33 +75,3 @@ def test_scales_are_momenta_of_the_flight_whatever_its_direction():
         "spin_after": pytest.approx(20.0 * 0.2 / INERTIA),
         "tangential_restitution": pytest.approx(20.0 * (1.0 + 0.2**2 / INERTIA) / 0.5),
     }
-
-
-@pytest.mark.usefixtures("kernels")
-def test_a_flat_plate_that_sticks_comes_to_rest_along_the_wall():
-    # Three rows of a triangular lattice. A rigid body that sticks has J_t =
-    # -v_t/(1/M + h^2/I), with h the height of its centre above the wall.
-    spacing = 1.0 / 6.0
-    half = 0.5 * np.sqrt(3.0) * spacing * 1.2
-    ends = spacing * np.arange(-6, 7)
-    middle = ends[:-1] + 0.5 * spacing
-    rows = [(x, y) for y in (-half, half) for x in ends]
-    points = np.array(rows + [(x, 0.0) for x in middle])
-    distance = np.hypot(*(points[:, None] - points).T)
-    plate = Lattice.from_points(points, np.argwhere(np.triu(distance < 0.25, 1)))
-    scene = load_scene("exponential_wall").with_(
-        {
-            "wall.friction": 3.0,
-            "wall.a": 1000.0,
-            "wall.V0": 500.0,
-            "material.eta_star": 0.0,
-            "impact.velocity": 0.002,
-            "impact.angle": 0.5,
-        }
-    )
-    result = run(scene, lattice=plate, lattices=1)
-    found = result.numbers
-    along = 0.002 * np.sin(0.5)
-    rigid = -along / (1.0 + half**2 / result.lattice.inertia)
-    assert found["tangential_impulse"] == pytest.approx(rigid, rel=0.15)
-    assert found["tangential_restitution"] == pytest.approx(0.0, abs=0.06)

@@ -32,10 +32,8 @@ def linear(rgb):
 
 def lightness(rgb):
     """Return CIE L* of sRGB colours, from the luminance weights of the standard."""
-    return (
-        116 * np.cbrt(linear(np.asarray(rgb, dtype=float)) @ [0.2126, 0.7152, 0.0722])
-        - 16
-    )
+    luminance = linear(np.array(rgb, dtype=float)) @ [0.2126, 0.7152, 0.0722]
+    return 116 * np.cbrt(luminance) - 16
 
 
 @pytest.mark.parametrize("theme", THEMES)

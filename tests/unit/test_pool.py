@@ -7,53 +7,32 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor
 from importlib.util import find_spec
-from pathlib import Path
 
 import pytest
+from bodies import words
 
 import taichi_disk
 from taichi_disk.processes.pool import Pool
 
 
 @pytest.fixture
-def pool() -> Iterator[Pool]:
+def pool():
     pool = Pool(1)
     yield pool
     pool.kill()
 
 
 # Modules that a Python process imports at its start, or that its first call imports.
-NAMES = [
-    "copy",
-    "io",
-    "os",
-    "pickle",
-    "queue",
-    "random",
-    "re",
-    "selectors",
-    "signal",
-    "socket",
-    "struct",
-    "subprocess",
-    "tempfile",
-    "threading",
-    "types",
-    "warnings",
-    "numpy",
-    "yaml",
-    "taichi",
-    "taichi_disk",
-]
+NAMES = words("""
+    copy io os pickle queue random re selectors signal socket struct subprocess
+    tempfile threading types warnings numpy yaml taichi taichi_disk
+""")
 
 
 @pytest.mark.parametrize("is_on_path", [False, True])
-def test_no_file_of_the_working_folder_is_imported(
-    is_on_path: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_file_of_the_working_folder_is_imported(is_on_path, tmp_path, monkeypatch):
     for name in NAMES:
         (tmp_path / f"{name}.py").write_text("open('imported', 'w')\nraise SystemExit")
     (tmp_path / "mine.py").touch()
@@ -70,7 +49,7 @@ def test_no_file_of_the_working_folder_is_imported(
     assert (mine is not None) == is_on_path
 
 
-def test_values_and_errors_come_back_whatever_a_call_prints(pool: Pool) -> None:
+def test_values_and_errors_come_back_whatever_a_call_prints(pool):
     prints = [pool.submit(print, "x" * 100_000), pool.submit(os.write, 1, b"\x80\x04")]
     assert [future.result() for future in prints] == [None, 2]
     with pytest.raises(ValueError, match="invalid literal"):
@@ -81,23 +60,14 @@ def test_values_and_errors_come_back_whatever_a_call_prints(pool: Pool) -> None:
     assert pool.submit(len, b"x" * 1_000_000).result() == 1_000_000
 
 
-def test_warnings_of_libraries_are_no_errors_in_a_process(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setenv("PYTHONWARNINGS", "error")
-    pool = Pool(1)
-    assert pool.submit(warnings.warn, "for developers").result() is None
-    pool.shutdown()
-
-
-def test_a_dead_process_breaks_the_pool(pool: Pool) -> None:
+def test_a_dead_process_breaks_the_pool(pool):
     with pytest.raises(BrokenExecutor):
         pool.submit(os._exit, 1).result()
     with pytest.raises(BrokenExecutor):
         pool.submit(os.getpid).result()
 
 
-def test_processes_compute_at_the_same_time_and_are_killed_at_work() -> None:
+def test_processes_compute_at_the_same_time_and_are_killed_at_work():
     pool = Pool(2)
     sleeping = pool.submit(time.sleep, 60.0)
     number = pool.submit(os.getpid).result()
@@ -106,17 +76,21 @@ def test_processes_compute_at_the_same_time_and_are_killed_at_work() -> None:
     pool.kill()
     assert time.monotonic() - began < 30.0
     assert sleeping.exception() is not None
-    assert [process.poll() is None for process in pool._processes] == [False, False]
+    with pytest.raises(ProcessLookupError):
+        os.kill(number, 0)
 
 
 def test_without_a_writable_home_the_processes_share_one_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, notices: pytest.LogCaptureFixture
-) -> None:
+    tmp_path, monkeypatch, notices
+):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.setenv("HOME", "/proc/nobody")
+    monkeypatch.setenv("PYTHONWARNINGS", "error")
     monkeypatch.delenv("TI_OFFLINE_CACHE_FILE_PATH", raising=False)
     pool = Pool(2)
     homes = {pool.submit(os.getenv, "HOME").result() for _ in range(2)}
+    # warnings of libraries are no errors in a process
+    assert pool.submit(warnings.warn, "for developers").result() is None
     pool.shutdown()
     assert homes == {os.environ["HOME"]}
     assert str(tmp_path) in os.environ["HOME"]

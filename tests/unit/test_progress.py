@@ -29,16 +29,12 @@ def test_a_stage_that_ends_early_is_shown_as_complete_and_the_cursor_comes_back(
     # An impact ends when the disk has left, before the time limit.
     stream = Terminal()
     with terminal(stream) as progress:
-        for report in (
-            ("simulate", 0.0, 1000.0),
-            ("simulate", 250.0, 1000.0),
-            ("render", 0, 4),
-            ("render", 1, 4),
-        ):
-            progress(*report)
-    simulate, render = [line for line in stream.getvalue().splitlines() if "%" in line][
-        -2:
-    ]
+        progress("simulate", 0.0, 1000.0)
+        progress("simulate", 250.0, 1000.0)
+        progress("render", 0, 4)
+        progress("render", 1, 4)
+    lines = [line for line in stream.getvalue().splitlines() if "%" in line]
+    simulate, render = lines[-2:]
     assert "simulate" in simulate
     assert "100%" in simulate
     assert "render" in render
@@ -61,10 +57,8 @@ def test_a_stage_whose_end_is_unknown_is_shown_without_a_share():
     with terminal(stream) as progress:
         progress("simulate", 0, None)
         progress("simulate", 7, None)
-    (line,) = [line for line in stream.getvalue().splitlines() if "simulate" in line][
-        -1:
-    ]
-    assert "%" not in line
+    lines = [line for line in stream.getvalue().splitlines() if "simulate" in line]
+    assert "%" not in lines[-1]
 
 
 def test_a_bar_that_was_never_needed_writes_nothing():
