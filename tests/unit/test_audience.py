@@ -124,9 +124,7 @@ def test_each_page_has_a_disk_of_its_own_and_gets_it_back(common):
     visit(common, act)
 
 
-def test_a_session_is_forgotten_after_a_while_or_when_there_is_no_room(
-    common, monkeypatch
-):
+def test_a_session_is_forgotten_after_a_while_or_when_there_is_no_room(common):
     async def act(audience):
         readers = [Reader(audience) for _ in range(3)]
         await drawn(*readers)
@@ -172,9 +170,7 @@ def test_undisturbed_results_of_everybody_are_on_every_page(common):
 
 
 @pytest.mark.parametrize(("cost", "pause"), [(0.05, 0.15), (0.001, 1 / 60), (9, 0.25)])
-def test_a_session_waits_longer_the_longer_it_has_computed(
-    common, monkeypatch, cost, pause
-):
+def test_a_session_waits_longer_after_computing_long(common, monkeypatch, cost, pause):
     """Six sessions want a picture, and each may take at most twice its part."""
     reader = Reader(Audience(common))
     used = 0.0
@@ -299,9 +295,7 @@ def test_a_curve_is_collected_while_the_page_only_draws(common):
     visit(common, act)
 
 
-def test_a_page_that_leaves_while_its_film_is_made_leaves_no_error(
-    common, monkeypatch, capfd
-):
+def test_a_page_that_leaves_before_its_film_leaves_no_error(common, monkeypatch, capfd):
     async def broken(_):
         try:
             await asyncio.sleep(20.0)

@@ -133,9 +133,7 @@ def curve_up_to(speed, young):
 
 
 @pytest.mark.parametrize("young", [0.25, 1.0, 4.0])
-def test_the_limit_of_eq_4_is_a_speed_of_the_material_and_that_of_eq_5_of_the_paper(
-    young,
-):
+def test_the_limit_of_eq_4_is_one_of_the_material_and_that_of_eq_5_of_the_paper(young):
     # 2.2 sqrt(E/M) R, where eq. (4) crushes the disk
     limit = 2.2 * young**0.5
     assert LAWS["eq4"].applies(curve_up_to(0.99 * limit, young))
@@ -148,9 +146,7 @@ def test_the_limit_of_eq_4_is_a_speed_of_the_material_and_that_of_eq_5_of_the_pa
 @pytest.mark.parametrize(
     ("chi_square", "holds"), [(1.0, True), (3.4, True), (3.9, False), (30.0, False)]
 )
-def test_a_law_fails_if_chance_gives_its_chi_square_once_in_a_hundred(
-    chi_square, holds
-):
+def test_a_law_fails_if_chance_gives_its_chi_square_once_in_100(chi_square, holds):
     # The F distribution of 10 and 15 degrees of freedom exceeds 3.805 that often.
     law = theory.paper_restitution(V, 1.0, 0.6)
     zigzag = (-1.0) ** np.arange(12)

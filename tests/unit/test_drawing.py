@@ -133,9 +133,7 @@ console.log(JSON.stringify(drawn));"""
     assert max(heads) + min(heads) == pytest.approx(10.0)  # symmetric
 
 
-def test_a_drag_moves_the_picture_with_the_finger_and_a_pinch_leaves_its_place(
-    tmp_path,
-):
+def test_a_drag_moves_the_picture_with_the_finger_and_a_pinch_keeps_its_place(tmp_path):
     code = """
 const drawing = new Drawing({ getContext: () => ({}) });
 Object.assign(drawing, { width: 600, height: 500 });
@@ -181,9 +179,7 @@ const rows = [[10, 0.05, 0.94], [10, 0.1, 0.93], [100, 0.1, 0.66]].map(
 """
 
 
-def test_results_of_other_parameters_are_another_curve_and_no_result_is_no_diagram(
-    tmp_path,
-):
+def test_results_of_other_parameters_are_another_curve_and_none_is_no_diagram(tmp_path):
     code = """
 const sets = inSets(rows).map(({ label, rows }) => [label, rows.length]);
 const options = { title: "e", range: [0.001, 0.1], fitted: false };

@@ -30,9 +30,7 @@ SCENES = {
         *(name for name in SCENES if name != "compression"),
     ],
 )
-def test_the_steps_are_those_reported_and_launches_leave_no_trace(
-    name, kernels, monkeypatch
-):
+def test_steps_are_as_reported_and_launches_leave_no_trace(name, kernels, monkeypatch):
     driver = driver_of(kernels, *SCENES[name])
     assert driver.advance() == "finished"
     columns = driver.columns
@@ -83,9 +81,7 @@ def test_a_step_beyond_the_limit_is_refused_with_the_limit_named_unless_forced(k
         assert driver_of(kernels, *IMPACT, f"time.dt={dt}", force=force).step.dt == dt
 
 
-def test_the_end_of_a_hovering_rod_is_not_asked_at_every_row(
-    kernels, monkeypatch, tmp_path
-):
+def test_the_end_of_a_hovering_rod_is_asked_a_few_times(kernels, monkeypatch, tmp_path):
     # A rod that turns faster than it rises must clear the wall by its whole length.
     asked = []
     plain = ImpactScenario.time_to_end

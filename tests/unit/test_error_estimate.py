@@ -99,9 +99,7 @@ def test_every_result_has_an_estimate_that_holds_where_errors_are_no_power_of_th
     assert errors["contact_time"] < 15.0 * true["contact_time"]
 
 
-def test_the_estimate_of_the_contact_time_holds_when_half_of_the_rows_agree_by_chance(
-    kernels,
-):
+def test_the_estimate_of_contact_time_holds_if_half_the_rows_agree_by_chance(kernels):
     # If every other row is left out, the contact time changes by an eighth of its
     # error; if two of three rows are left out, by nine times its error.
     settings = words("""

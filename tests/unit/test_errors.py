@@ -49,9 +49,7 @@ def test_a_deleted_working_folder_is_named(tmp_path, monkeypatch, capsys, comman
 @pytest.mark.parametrize(
     ("pip", "command"), [("pip", "/p -m pip install"), (None, "uv pip install")]
 )
-def test_a_missing_extra_is_installed_by_a_command_that_is_there(
-    monkeypatch, pip, command
-):
+def test_a_missing_extra_is_installed_by_a_command_at_hand(monkeypatch, pip, command):
     monkeypatch.setattr(sys, "executable", "/p")
     monkeypatch.setattr(errors, "find_spec", {"pip": pip}.get)
     advice = install_extra("export")

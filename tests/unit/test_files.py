@@ -21,9 +21,7 @@ def everything(folder):
     return set(folder.rglob("*"))
 
 
-def test_a_new_folder_is_made_with_its_parents_and_one_that_is_there_is_left_alone(
-    tmp_path,
-):
+def test_a_new_folder_is_made_with_its_parents_and_an_old_one_is_left_alone(tmp_path):
     out = tmp_path / "a" / "b"
     assert prepare_output(out) == [out, tmp_path / "a"]
     assert prepare_output(out) == []

@@ -54,9 +54,7 @@ def test_the_triangles_of_a_mesh_become_a_disk(tmp_path, name):
 @pytest.mark.parametrize(
     ("axes", "note"), [((0, 1), ()), ((0, 2), ("x and z",)), ((1, 2), ("y and z",))]
 )
-def test_a_mesh_is_flat_in_any_plane_of_axes_within_single_precision(
-    tmp_path, axes, note
-):
+def test_a_mesh_is_flat_in_any_plane_of_axes_in_single_precision(tmp_path, axes, note):
     points = np.zeros((60, 3))
     points[:, axes] = DISK.positions
     noise = 3.5e-8 * np.random.default_rng(0).standard_normal((60, 3))
@@ -118,9 +116,7 @@ TWICE = np.append(DISK.triangles, DISK.triangles[4:5], axis=0)
         (25.0 * FLAT, ("triangle", DISK.triangles), "in units of the disk's radius R"),
     ],
 )
-def test_a_mesh_that_is_no_disk_is_refused_in_a_sentence(
-    tmp_path, points, cells, message
-):
+def test_a_mesh_that_is_no_disk_is_refused_in_words(tmp_path, points, cells, message):
     path = write(tmp_path / "a.vtu", points, cells)
     with pytest.raises(InputError) as refusal:
         Lattice.read(path)
@@ -131,9 +127,7 @@ def test_a_mesh_that_is_no_disk_is_refused_in_a_sentence(
 
 @pytest.mark.parametrize("name", ["a.msh", "a.vtu", "a.inp", "a.dat"])
 @pytest.mark.parametrize("content", [b"", b"nonsense\n", b"\x00\xff" * 100])
-def test_a_damaged_mesh_is_refused_and_nothing_is_printed(
-    tmp_path, capfd, name, content
-):
+def test_a_damaged_mesh_is_refused_and_nothing_printed(tmp_path, capfd, name, content):
     path = tmp_path / name
     path.write_bytes(content)
     with pytest.raises(InputError, match=f"^lattice.file: {re.escape(str(path))}: "):

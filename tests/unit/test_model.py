@@ -21,9 +21,7 @@ from taichi_disk.simulation.simulation import Simulation, compiled_for
 VV = VELOCITY_VERLET
 
 
-def test_equal_springs_have_a_kernel_of_their_own_and_masses_need_no_other_kernel(
-    kernels,
-):
+def test_equal_springs_have_their_own_kernel_and_masses_need_no_other_kernel(kernels):
     lattice = disk(60, height=0.03)
     ones = np.ones(len(lattice.bonds))
     masses = lattice.masses * np.linspace(0.5, 1.5, 60)

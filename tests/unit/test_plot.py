@@ -23,7 +23,6 @@ from taichi_disk.lattice import Lattice, bulk_moduli
 from taichi_disk.output import inline
 from taichi_disk.output.artist import drawing_process
 from taichi_disk.output.plot import matplotlib_style, plot_run, plot_scene
-from taichi_disk.processes.pool import Pool
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import shared_kernels
 
@@ -125,9 +124,7 @@ def test_a_loading_shows_load_and_energy_against_the_compression_and_the_law(
 
 
 @pytest.mark.validate
-def test_no_law_is_drawn_for_custom_points_whose_moduli_are_unknown(
-    kernels, tmp_path, figures
-):
+def test_no_law_is_drawn_for_points_of_unknown_moduli(kernels, tmp_path, figures):
     scene = load_scene("compression", ["compression.method=newton"])
     scenario = scene.scenario(Lattice.from_points(disk(60).positions))
     columns = compute(scenario).series
@@ -171,16 +168,3 @@ def test_matplotlib_is_not_imported_for_names_and_colours_of_the_curves():
     code = "import sys, taichi_disk.render.palette; print('matplotlib' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout.splitlines()[-1] == "False"
-
-
-@pytest.mark.validate
-def test_a_process_that_draws_imports_neither_lattices_nor_scenes(
-    impact, tmp_path, monkeypatch
-):
-    monkeypatch.setattr("taichi_disk.output.plot.plot_run", plot_run)
-    names = "taichi_disk.lattice", "taichi_disk.config", "scipy", "matplotlib.pyplot"
-    pool = Pool(1)
-    pool.submit(plot_run, tmp_path / "a.png", plot_scene(*impact)).result()
-    loaded = pool.submit(eval, f"{{*{names}}} & {{*__import__('sys').modules}}")
-    assert loaded.result() == set()
-    pool.shutdown()

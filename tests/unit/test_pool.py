@@ -80,9 +80,7 @@ def test_processes_compute_at_the_same_time_and_are_killed_at_work():
         os.kill(number, 0)
 
 
-def test_without_a_writable_home_the_processes_share_one_folder(
-    tmp_path, monkeypatch, notices
-):
+def test_without_a_writable_home_processes_share_one(tmp_path, monkeypatch, notices):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.setenv("HOME", "/proc/nobody")
     monkeypatch.setenv("PYTHONWARNINGS", "error")

@@ -105,9 +105,7 @@ def test_a_default_name_counts_on_past_other_runs_and_says_so(notices, tmp_path)
     assert len(notices.messages) == 3
 
 
-def test_a_folder_that_was_named_is_refused_if_it_holds_another_run_unless_overwriting(
-    tmp_path,
-):
+def test_a_named_folder_is_refused_if_it_holds_another_run_unless_overwriting(tmp_path):
     compute(tmp_path / "run", mark="first", files=("video.mp4",))
     before = content(tmp_path)
     text = r"run holds another run \(overwrite=True replaces it\); choose another fold"
@@ -148,9 +146,7 @@ def test_files_that_no_run_wrote_are_never_touched(tmp_path, name, text, overwri
     ("name", "overwrite", "text"),
     [("thesis.tex", True, "no run wrote"), ("scene.yaml", False, "holds another run")],
 )
-def test_a_run_s_folder_with_a_person_s_file_is_left_as_it_is(
-    tmp_path, name, overwrite, text
-):
+def test_a_run_s_folder_with_a_user_s_file_is_left(tmp_path, name, overwrite, text):
     out = compute(tmp_path / "run")
     (out / name).write_text("# mine\n" + SCENE)
     before = content(out)
@@ -160,9 +156,7 @@ def test_a_run_s_folder_with_a_person_s_file_is_left_as_it_is(
     assert content(out) == before
 
 
-def test_a_folder_that_cannot_be_renamed_is_refused_and_an_empty_one_is_taken(
-    tmp_path, monkeypatch
-):
+def test_the_current_folder_is_refused_and_an_empty_one_is_taken(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for out in (".", "../" + tmp_path.name, tmp_path.parent):
         with refused("is the current folder, which no run can replace: name a folder"):
@@ -203,9 +197,7 @@ def test_films_and_trajectories_made_from_a_run_stay_beside_it(tmp_path):
     assert os.listdir(tmp_path) == ["run"]
 
 
-def test_runs_that_began_with_arrays_of_a_person_are_no_runs_of_the_same_scene(
-    tmp_path,
-):
+def test_runs_that_began_with_arrays_of_a_person_are_not_of_the_same_scene(tmp_path):
     compute(tmp_path / "run", mark="own", lattice="a")
     for options in ({}, {"lattice": "b"}):
         with refused("holds another run"):
@@ -218,7 +210,7 @@ def test_runs_that_began_with_arrays_of_a_person_are_no_runs_of_the_same_scene(
 
 @pytest.mark.parametrize("status", ["failed", "interrupted"])
 @pytest.mark.parametrize("count_on", [False, True])
-def test_a_run_without_end_never_replaces_a_finished_one(
+def test_a_run_without_end_replaces_no_finished_one(
     notices, tmp_path, status, count_on
 ):
     compute(tmp_path / "run", mark="good")
@@ -256,9 +248,7 @@ def test_of_two_simultaneous_runs_the_later_to_finish_takes_another_folder_and_s
     assert set(os.listdir(tmp_path)) == {"run", "run-2"}
 
 
-def test_a_file_that_comes_while_the_run_computes_stays_and_the_run_is_not_lost(
-    notices, tmp_path
-):
+def test_a_file_that_comes_during_a_run_stays_and_the_run_is_kept(notices, tmp_path):
     with run_folder(tmp_path / "run", SCENE, count_on=False) as folder:
         end(folder)
         (tmp_path / "run").mkdir()

@@ -178,9 +178,7 @@ console.log(JSON.stringify([number, t, row.com_y, x.length, caption]));"""
 
 
 @pytest.mark.validate
-def test_the_panel_shows_every_warning_of_a_run_and_whether_the_user_interfered(
-    session,
-):
+def test_the_panel_shows_all_warnings_of_a_run_and_whether_the_user_interfered(session):
     # 120 points with the paper's eta*
     assert any("per point" in one for one in panel(session)["warnings"])
     assert panel(session)["status"] == "same as taichi-disk run"
@@ -266,9 +264,7 @@ def test_a_scale_grows_by_twos_with_a_note_and_not_from_rounding_errors(session)
     assert 1e-3 < scales.colour / before < 2e-3
 
 
-def test_an_error_in_a_command_is_named_and_everybody_goes_on(
-    session, monkeypatch, capfd
-):
+def test_an_error_in_a_command_is_named_and_all_go_on(session, monkeypatch, capfd):
     def fail(*_):
         raise IndexError("out of range")
 

@@ -277,9 +277,7 @@ def test_what_the_wall_still_holds_when_the_run_ends_is_part_of_the_error(kernel
         computed(kernels, *near, "time.tolerance=1e-8")
 
 
-def test_a_tolerance_that_cannot_be_shown_is_a_failure_with_advice(
-    monkeypatch, kernels
-):
+def test_a_tolerance_that_is_not_reached_is_a_failure_with_advice(monkeypatch, kernels):
     monkeypatch.setattr(error_estimate, "SEARCH", 2)
     text = r"the error of e is estimated at \S+ after \d+ runs.*; write a smaller"
     with pytest.raises(SimulationError, match=text):

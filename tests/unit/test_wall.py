@@ -23,9 +23,7 @@ HEIGHT = math.pi * 1269 / (1099 * 3.8)  # equal points per area
 
 
 @pytest.mark.parametrize("both", [PAPER, LITERAL], ids=["rows", "literal"])
-def test_the_disk_comes_first_unchanged_but_lifted_and_triangles_tile_the_wall_below(
-    both,
-):
+def test_the_disk_comes_first_unchanged_but_lifted_and_triangles_tile_the_wall(both):
     assert both.positions.shape == (1099 + 1269, 2)
     assert both.disk_points == 1099
     assert both.positions[:1099, 1].min() == 0.0

@@ -61,9 +61,7 @@ def overlap(one, other):
     ("size", "factor"),
     [(64, 1.0), (240, 1.0), (360, 1.0), (360, 2.0), (480, 1.5), (720, 1.0)],
 )
-def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(
-    size, factor, is_band
-):
+def test_letters_have_11_pixels_or_are_absent_and_none_overlap(size, factor, is_band):
     letters = fitting_letters(Letters(size, factor), [CAPTIONS], size)
     block = legend(letters, size, TITLE, CAPTIONS, is_band, 3)
     if size < 240:
