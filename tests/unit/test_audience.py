@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from functools import wraps
 from threading import Event
 from typing import Any
 
@@ -55,124 +56,132 @@ class Reader:
         return str(self.texts["session"]["key"])
 
 
-def visit(common, act, **more):
-    async def visited():
-        audience = Audience(common, **more)
-        running = asyncio.create_task(audience.run())
-        await act(audience)
-        assert not running.done()
-        running.cancel()
+FEW_SEATS = {"keep_time": 0.4, "max_seats": 3}
 
-    asyncio.run(visited())
+
+@pytest.fixture
+def audience(common, request):
+    return Audience(common, **getattr(request, "param", {}))
+
+
+def visited(test):
+    """Run a test that awaits while its audience is served."""
+
+    @wraps(test)
+    def run(audience, **more):
+        async def visit():
+            serving = asyncio.create_task(audience.run())
+            await test(audience=audience, **more)
+            assert not serving.done()
+            serving.cancel()
+
+        asyncio.run(visit())
+
+    return run
 
 
 async def drawn(*readers, pictures=3):
     await asyncio.gather(*(one.draw(pictures) for one in readers))
 
 
-def test_a_page_gets_no_more_states_than_it_draws_and_holds_up_nobody(common):
-    async def act(audience):
-        player, sleeper = Reader(audience), Reader(audience)
-        player.say("press", key="space")
-        sleeper.say("press", key="space")
-        await player.draw(60)
-        assert len(player.numbers) > 10 and len(sleeper.numbers) <= 4
-        t = sleeper.sandbox.time.display.t
-        await asyncio.sleep(0.3)  # both pages are hidden
-        assert sleeper.sandbox.time.display.t == t
-        # or its states were lost: it says that it waits for none
-        player.numbers.clear()
-        player.say("seen", number=9e6)
-        await asyncio.sleep(0.1)
-        assert player.numbers
-
-    visit(common, act)
+@visited
+async def test_a_page_gets_no_more_states_than_it_draws_and_holds_up_nobody(audience):
+    player, sleeper = Reader(audience), Reader(audience)
+    player.say("press", key="space")
+    sleeper.say("press", key="space")
+    await player.draw(60)
+    assert len(player.numbers) > 10 and len(sleeper.numbers) <= 4
+    t = sleeper.sandbox.time.display.t
+    await asyncio.sleep(0.3)  # both pages are hidden
+    assert sleeper.sandbox.time.display.t == t
+    # or its states were lost: it says that it waits for none
+    player.numbers.clear()
+    player.say("seen", number=9e6)
+    await asyncio.sleep(0.1)
+    assert player.numbers
 
 
-def test_each_page_has_a_disk_of_its_own_and_gets_it_back(common):
-    async def act(audience):
-        one, other = Reader(audience), Reader(audience)
-        await drawn(one, other)
-        one.say("press", key="space")
-        one.say("press", key="t")
-        other.say("press", key="n")
-        await drawn(one, other, pictures=10)
-        assert not one.sandbox.paused and other.sandbox.paused
-        assert other.session.controls.number == 1 and one.session.controls.number == 0
-        assert other.sandbox.scene.video.theme == "light"
-        assert one.key != other.key
-        one.say("pull", x=0.0, y=2.5)
-        await drawn(one, other)
-        one.leave()
-        assert one.sandbox.paused
-        await other.draw(3)
-        again, stranger = Reader(audience, one.key), Reader(audience, "unknown")
-        await drawn(again, stranger)
-        assert again.session is one.session and not again.sandbox.grip
-        assert again.texts["session"]["key"] == one.key
-        assert stranger.session not in (one.session, other.session)
-        twin = Reader(audience, one.key)  # a tab that was duplicated
-        await drawn(again, twin)
-        twin.say("press", key="t")
-        await drawn(again, twin)
-        assert again.texts["panel"] == twin.texts["panel"]
-        twin.leave()
-        assert len(audience.seats) == 3
-        stranger.say("alive")
-        assert "alive" in stranger.texts and "alive" not in again.texts
-
-    visit(common, act)
+@visited
+async def test_each_page_has_a_disk_of_its_own_and_gets_it_back(audience):
+    one, other = Reader(audience), Reader(audience)
+    await drawn(one, other)
+    one.say("press", key="space")
+    one.say("press", key="t")
+    other.say("press", key="n")
+    await drawn(one, other, pictures=10)
+    assert not one.sandbox.paused and other.sandbox.paused
+    assert other.session.controls.number == 1 and one.session.controls.number == 0
+    assert other.sandbox.scene.video.theme == "light"
+    assert one.key != other.key
+    one.say("pull", x=0.0, y=2.5)
+    await drawn(one, other)
+    one.leave()
+    assert one.sandbox.paused
+    await other.draw(3)
+    again, stranger = Reader(audience, one.key), Reader(audience, "unknown")
+    await drawn(again, stranger)
+    assert again.session is one.session and not again.sandbox.grip
+    assert again.texts["session"]["key"] == one.key
+    assert stranger.session not in (one.session, other.session)
+    twin = Reader(audience, one.key)  # a tab that was duplicated
+    await drawn(again, twin)
+    twin.say("press", key="t")
+    await drawn(again, twin)
+    assert again.texts["panel"] == twin.texts["panel"]
+    twin.leave()
+    assert len(audience.seats) == 3
+    stranger.say("alive")
+    assert "alive" in stranger.texts and "alive" not in again.texts
 
 
-def test_a_session_is_forgotten_after_a_while_or_when_there_is_no_room(common):
-    async def act(audience):
-        readers = [Reader(audience) for _ in range(3)]
-        await drawn(*readers)
-        with pytest.raises(Full, match="All 3 disks are in use"):
-            Reader(audience)
-        readers[1].leave()
-        readers[0].leave()
-        Reader(audience)  # in place of the one who left first
-        assert readers[1].key not in audience.seats
-        assert readers[0].key in audience.seats
-        await asyncio.sleep(0.5)
+@pytest.mark.parametrize(
+    "audience", [{"keep_time": 0.4, "max_seats": 3}], indirect=True
+)
+@visited
+async def test_a_session_is_forgotten_in_time_or_for_lack_of_room(audience, common):
+    readers = [Reader(audience) for _ in range(3)]
+    await drawn(*readers)
+    with pytest.raises(Full, match="All 3 disks are in use"):
         Reader(audience)
-        assert readers[0].key not in audience.seats
-        assert common.memory.sharers == 3
+    readers[1].leave()
+    readers[0].leave()
+    Reader(audience)  # in place of the one who left first
+    assert readers[1].key not in audience.seats
+    assert readers[0].key in audience.seats
+    await asyncio.sleep(0.5)
+    Reader(audience)
+    assert readers[0].key not in audience.seats
+    assert common.memory.sharers == 3
 
-    visit(common, act, keep_time=0.4, max_seats=3)
 
-
-def test_undisturbed_results_of_everybody_are_on_every_page(common):
-    async def act(audience):
-        readers = [Reader(audience) for _ in range(3)]
-        seeds = [one.sandbox.scene.lattice.seed for one in readers]
-        assert seeds == [0, 1, 2]  # a lattice of its own
-        readers[1].say("rename", text=" \u202e12Ａda<7> ")
-        for k, one in enumerate(readers[:2]):
-            one.say("set", key="impact.velocity", value=0.04 + 0.02 * k)
-            one.say("set", key="speed", value=50.0)
-            one.say("press", key="space")
-        for _ in range(300):
-            await drawn(*readers, pictures=1)
-            if len(readers[2].board) == 2:
-                break
-        late = Reader(audience)
-        await drawn(*readers, late)
-        for one in (*readers, late):
-            assert {row["load"] for row in one.board} == {0.04, 0.06}
-            assert {row["player"] for row in one.board} == {"disk 1", "Ada"}
-        readers[0].say("clear")
-        await drawn(*readers)
-        assert len(late.board) == 2 and not readers[0].sandbox.results
-
-    visit(common, act)
+@visited
+async def test_undisturbed_results_of_everybody_are_on_every_page(audience):
+    readers = [Reader(audience) for _ in range(3)]
+    seeds = [one.sandbox.scene.lattice.seed for one in readers]
+    assert seeds == [0, 1, 2]  # a lattice of its own
+    readers[1].say("rename", text=" \u202e12Ａda<7> ")
+    for k, one in enumerate(readers[:2]):
+        one.say("set", key="impact.velocity", value=0.04 + 0.02 * k)
+        one.say("set", key="speed", value=50.0)
+        one.say("press", key="space")
+    for _ in range(300):
+        await drawn(*readers, pictures=1)
+        if len(readers[2].board) == 2:
+            break
+    late = Reader(audience)
+    await drawn(*readers, late)
+    for one in (*readers, late):
+        assert {row["load"] for row in one.board} == {0.04, 0.06}
+        assert {row["player"] for row in one.board} == {"disk 1", "Ada"}
+    readers[0].say("clear")
+    await drawn(*readers)
+    assert len(late.board) == 2 and not readers[0].sandbox.results
 
 
 @pytest.mark.parametrize(("cost", "pause"), [(0.05, 0.15), (0.001, 1 / 60), (9, 0.25)])
-def test_a_session_waits_longer_after_computing_long(common, monkeypatch, cost, pause):
+def test_a_session_that_computes_long_waits_long(audience, monkeypatch, cost, pause):
     """Six sessions want a picture, and each may take at most twice its part."""
-    reader = Reader(Audience(common))
+    reader = Reader(audience)
     used = 0.0
 
     def advance(_):
@@ -184,29 +193,28 @@ def test_a_session_waits_longer_after_computing_long(common, monkeypatch, cost, 
     monkeypatch.setattr(pages, "thread_time", lambda: used)
     monkeypatch.setattr(pages, "perf_counter", lambda: 100.0)
     reader.say("press", key="space")
-    reader.audience._serve(reader.page.seat, 6)
+    audience._serve(reader.page.seat, 6)
     assert reader.page.seat.due == pytest.approx(100.0 + pause)
 
 
-def test_who_has_waited_longest_is_served_first(common):
+@visited
+async def test_who_has_waited_longest_is_served_first(audience):
     served = []
 
-    async def act(audience):
-        readers = [Reader(audience) for _ in range(4)]
-        await drawn(*readers)
-        for one in readers:
-            one.say("set", key="speed", value=0.01)  # none comes to its end
-            one.say("press", key="space")
-        for _ in range(60):
-            served.append([len(one.numbers) for one in readers])
-            await drawn(*readers, pictures=1)
-
-    visit(common, act)
+    readers = [Reader(audience) for _ in range(4)]
+    await drawn(*readers)
+    for one in readers:
+        one.say("set", key="speed", value=0.01)  # none comes to its end
+        one.say("press", key="space")
+    for _ in range(60):
+        served.append([len(one.numbers) for one in readers])
+        await drawn(*readers, pictures=1)
     assert served[-1][0] > 5
     assert max(max(counts) - min(counts) for counts in served) <= 3
 
 
-def test_a_lattice_that_is_being_built_holds_up_nobody_else(common, monkeypatch):
+@visited
+async def test_a_lattice_being_built_holds_up_nobody_else(audience, monkeypatch):
     may_end = Event()
 
     def slowly(scene, body):
@@ -216,50 +224,46 @@ def test_a_lattice_that_is_being_built_holds_up_nobody_else(common, monkeypatch)
     def fail(*_):
         raise InputError("no such lattice")
 
-    async def act(audience):
-        builder, other = Reader(audience), Reader(audience)
-        await drawn(builder, other)
-        monkeypatch.setattr("taichi_disk.window.session.start_of", slowly)
-        other.say("press", key="space")
-        builder.say("press", key="l")
-        builder.say("press", key="t")
-        await drawn(builder, other, pictures=20)
-        assert len(other.numbers) > 10
-        assert builder.sandbox.scene.lattice.seed == 0
-        # what was said later is done later
-        assert builder.sandbox.scene.video.theme == "light"
-        may_end.set()
-        while builder.sandbox.scene.video.theme == "light":
-            await drawn(builder, other, pictures=1)
-        assert builder.sandbox.scene.lattice.seed == 1
-        # a lattice that cannot be built is the sandbox's message
-        monkeypatch.setattr("taichi_disk.window.session.start_of", fail)
-        builder.say("press", key="l")
-        builder.say("press", key="t")
-        while builder.sandbox.scene.video.theme == "dark":
-            await drawn(builder, other, pictures=1)
-        assert builder.texts["panel"]["message"] == "no such lattice"
-        assert builder.sandbox.scene.lattice.seed == 1
-
-    visit(common, act)
+    builder, other = Reader(audience), Reader(audience)
+    await drawn(builder, other)
+    monkeypatch.setattr("taichi_disk.window.session.start_of", slowly)
+    other.say("press", key="space")
+    builder.say("press", key="l")
+    builder.say("press", key="t")
+    await drawn(builder, other, pictures=20)
+    assert len(other.numbers) > 10
+    assert builder.sandbox.scene.lattice.seed == 0
+    # what was said later is done later
+    assert builder.sandbox.scene.video.theme == "light"
+    may_end.set()
+    while builder.sandbox.scene.video.theme == "light":
+        await drawn(builder, other, pictures=1)
+    assert builder.sandbox.scene.lattice.seed == 1
+    # a lattice that cannot be built is the sandbox's message
+    monkeypatch.setattr("taichi_disk.window.session.start_of", fail)
+    builder.say("press", key="l")
+    builder.say("press", key="t")
+    while builder.sandbox.scene.video.theme == "dark":
+        await drawn(builder, other, pictures=1)
+    assert builder.texts["panel"]["message"] == "no such lattice"
+    assert builder.sandbox.scene.lattice.seed == 1
 
 
-def test_a_throw_that_is_drawn_counts_once_its_start_is_known(common):
-    async def act(audience):
-        one = Reader(audience)
-        await drawn(one)
-        one.say("aim", dx=0.4, dy=-0.8)
-        one.say("throw")
-        one.say("press", key="space")
-        while one.sandbox.at_start:
-            await one.draw(1)
-        impact = one.sandbox.scene.impact
-        assert (impact.velocity, impact.angle) == (0.0447, 0.464)
-
-    visit(common, act)
+@visited
+async def test_a_throw_that_is_drawn_counts_once_its_start_is_known(audience):
+    one = Reader(audience)
+    await drawn(one)
+    one.say("aim", dx=0.4, dy=-0.8)
+    one.say("throw")
+    one.say("press", key="space")
+    while one.sandbox.at_start:
+        await one.draw(1)
+    impact = one.sandbox.scene.impact
+    assert (impact.velocity, impact.angle) == (0.0447, 0.464)
 
 
-def test_kernels_are_compiled_while_nobody_plays(common, monkeypatch):
+@visited
+async def test_kernels_are_compiled_while_nobody_plays(audience, common, monkeypatch):
     monkeypatch.setattr(pages, "QUIET_TIME", 0.1)
     begun = []
     monkeypatch.setattr(
@@ -267,35 +271,30 @@ def test_kernels_are_compiled_while_nobody_plays(common, monkeypatch):
     )
     common.playlist = [one._replace(group="Throw") for one in common.playlist]
 
-    async def act(audience):
-        player = Reader(audience)
-        player.say("set", key="speed", value=0.01)
-        player.say("press", key="space")
-        await player.draw(3)
-        compiling = asyncio.create_task(audience.compile())
-        await player.draw(20)
-        assert not begun
-        player.say("press", key="space")
-        while not compiling.done():
-            await player.draw(1)
-        assert begun == ["exponential_wall", "absorbing_wall", "compression"]
-
-    visit(common, act)
+    player = Reader(audience)
+    player.say("set", key="speed", value=0.01)
+    player.say("press", key="space")
+    await player.draw(3)
+    compiling = asyncio.create_task(audience.compile())
+    await player.draw(20)
+    assert not begun
+    player.say("press", key="space")
+    while not compiling.done():
+        await player.draw(1)
+    assert begun == ["exponential_wall", "absorbing_wall", "compression"]
 
 
-def test_a_curve_is_collected_while_the_page_only_draws(common):
-    async def act(audience):
-        one = Reader(audience)
-        await drawn(one)
-        one.say("collect")
-        while len(one.sandbox.results) < 2:
-            await one.draw(1)
-        assert not one.sandbox.paused
-
-    visit(common, act)
+@visited
+async def test_a_curve_is_collected_while_the_page_only_draws(audience):
+    one = Reader(audience)
+    await drawn(one)
+    one.say("collect")
+    while len(one.sandbox.results) < 2:
+        await one.draw(1)
+    assert not one.sandbox.paused
 
 
-def test_a_page_that_leaves_before_its_film_leaves_no_error(common, monkeypatch, capfd):
+def test_a_page_that_leaves_its_film_leaves_no_error(audience, monkeypatch, capfd):
     async def broken(_):
         try:
             await asyncio.sleep(20.0)
@@ -304,6 +303,7 @@ def test_a_page_that_leaves_before_its_film_leaves_no_error(common, monkeypatch,
 
     monkeypatch.setattr(pages, "make_film", broken)
 
+    @visited
     async def act(audience):
         player = Reader(audience)
         await drawn(player)
@@ -315,33 +315,31 @@ def test_a_page_that_leaves_before_its_film_leaves_no_error(common, monkeypatch,
         await asyncio.wait([film], timeout=10.0)
         assert film.done() and player.sandbox.message == ""
 
-    visit(common, act)
+    act(audience)
     assert capfd.readouterr().err == ""
 
 
 @pytest.mark.validate
-def test_the_disk_goes_on_while_a_film_is_made_for_its_page(common):
-    async def act(audience):
-        player, other = Reader(audience), Reader(audience)
-        await drawn(player, other)
-        player.say("set", key="speed", value=0.05)
-        player.say("press", key="space")
-        player.say("film")
-        player.say("film")  # one is enough
-        counts = len(player.numbers)
-        while "film" not in player.texts:
-            await drawn(player, other, pictures=1)
-            assert not player.page.film or player.texts["session"]["awaitsFilm"]
-        assert len(player.numbers) > counts + 50
-        page = player.texts["film"]["page"]
-        assert page.startswith("<!doctype html>") and "states" in page
-        await drawn(player, other)
-        assert "film" not in other.texts
-        assert not player.texts["session"]["awaitsFilm"]
-        sandbox = player.sandbox
-        sandbox.scene = sandbox.scene.with_({"impact.max_time": 0.1})  # `run` fails
-        player.say("film")
-        while "max_time" not in player.texts["panel"]["message"]:
-            await player.draw(1)
-
-    visit(common, act)
+@visited
+async def test_the_disk_goes_on_while_a_film_is_made_for_its_page(audience):
+    player, other = Reader(audience), Reader(audience)
+    await drawn(player, other)
+    player.say("set", key="speed", value=0.05)
+    player.say("press", key="space")
+    player.say("film")
+    player.say("film")  # one is enough
+    counts = len(player.numbers)
+    while "film" not in player.texts:
+        await drawn(player, other, pictures=1)
+        assert not player.page.film or player.texts["session"]["awaitsFilm"]
+    assert len(player.numbers) > counts + 50
+    page = player.texts["film"]["page"]
+    assert page.startswith("<!doctype html>") and "states" in page
+    await drawn(player, other)
+    assert "film" not in other.texts
+    assert not player.texts["session"]["awaitsFilm"]
+    sandbox = player.sandbox
+    sandbox.scene = sandbox.scene.with_({"impact.max_time": 0.1})  # `run` fails
+    player.say("film")
+    while "max_time" not in player.texts["panel"]["message"]:
+        await player.draw(1)
