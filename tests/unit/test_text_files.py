@@ -6,29 +6,29 @@ from __future__ import annotations
 import contextlib
 import os
 import threading
-from pathlib import Path
 
 import pytest
 
 from taichi_disk.errors import InputError
-from taichi_disk.scenes import load_scene
+from taichi_disk.scenes import load_any, load_scene
 from taichi_disk.text_files import MAX_BYTES, read_text
 
 SCENE = "scene: exponential_wall\nimpact: {velocity: 0.03}  # η\n"
+SWEEP = "scene: exponential_wall\nsweep: {seed: [0]}\n"
 needs_pipes = pytest.mark.skipif(
     not hasattr(os, "mkfifo"), reason="this system has no named pipes"
 )
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
-def test_a_scene_may_have_a_byte_order_mark(tmp_path: Path, encoding: str) -> None:
+def test_a_scene_may_have_a_byte_order_mark(tmp_path, encoding):
     path = tmp_path / "scene.yaml"
     path.write_text(SCENE, encoding=encoding)
     assert read_text(path) == SCENE
     assert load_scene(path) == load_scene(SCENE)
 
 
-def test_a_file_larger_than_the_limit_is_not_read(tmp_path: Path) -> None:
+def test_a_file_larger_than_the_limit_is_not_read(tmp_path):
     path = tmp_path / "scene.yaml"
     with path.open("wb") as file:
         file.truncate(3_000_000_000)  # a sparse file, which takes no room
@@ -42,28 +42,28 @@ def test_a_file_larger_than_the_limit_is_not_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="no /dev/zero")
-def test_a_device_is_refused() -> None:
+def test_a_device_is_refused():
     with pytest.raises(InputError, match=r"^/dev/zero: is a device or a pipe"):
         load_scene("/dev/zero")
 
 
 @needs_pipes
-def test_a_scene_may_come_from_a_pipe_but_no_other_file_may(tmp_path: Path) -> None:
+def test_a_scene_may_come_from_a_pipe_but_no_other_file_may(tmp_path):
     path = tmp_path / "pipe"
     os.mkfifo(path)
     with pytest.raises(InputError, match="pipe: is a device or a pipe"):
         read_text(path)
-    for text in (SCENE, "#" * (MAX_BYTES + 1)):
+    for text in (SCENE, SWEEP, "#" * (MAX_BYTES + 1)):
         writer = threading.Thread(target=write_ignoring_readers_end, args=(path, text))
         writer.start()
-        if text == SCENE:
-            assert load_scene(path) == load_scene(SCENE)
+        if text in (SCENE, SWEEP):
+            assert load_any(path) == load_any(text)
         else:
             with pytest.raises(InputError, match="is larger than"):
-                load_scene(path)
+                load_any(path)
         writer.join()
 
 
-def write_ignoring_readers_end(path: Path, text: str) -> None:
+def write_ignoring_readers_end(path, text):
     with contextlib.suppress(BrokenPipeError):
         path.write_text(text, encoding="utf-8")

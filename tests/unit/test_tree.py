@@ -3,7 +3,6 @@ faults at once."""
 
 from __future__ import annotations
 
-import os
 import re
 from time import process_time
 
@@ -239,17 +238,6 @@ def test_a_file_in_the_way_has_precedence_over_a_shipped_scene(tmp_path, monkeyp
         "scene: exponential_wall\nlattice: {points: 7}\n"
     )
     assert load_scene("exponential_wall").lattice.points == 7
-
-
-@pytest.mark.parametrize("text", [IMPACT, IMPACT + "sweep: {seed: [0]}\n"])
-def test_a_pipe_is_read_once(text):
-    reader, writer = os.pipe()
-    os.write(writer, text.encode())
-    os.close(writer)
-    try:
-        load_any(f"/dev/fd/{reader}")
-    finally:
-        os.close(reader)
 
 
 # Whatever is given, a scene is returned or InputError raised, whose text can be
