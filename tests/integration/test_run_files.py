@@ -35,6 +35,11 @@ SCENES = {
 }
 
 
+FILES = {"scene.yaml", "summary.json", "timeseries.csv", "lattice.npz", "final.npz"}
+PAGE = (Path(__file__).parents[2] / "docs/output.md").read_text(encoding="utf-8")
+FULL = OSError(errno.ENOSPC, "No space left on device")
+
+
 class Run(NamedTuple):
     """A finished run and its folder."""
 
@@ -43,72 +48,77 @@ class Run(NamedTuple):
 
     @property
     def summary(self):
-        return json.loads((self.out / "summary.json").read_text())
+        return summary_in(self.out)
 
     @property
     def table(self):
         names, *lines = (self.out / "timeseries.csv").read_text().splitlines()
-        return dict(
-            zip(names.split(","), np.loadtxt(lines, delimiter=",").T, strict=True)
-        )
+        columns = np.loadtxt(lines, delimiter=",").T
+        return dict(zip(names.split(","), columns, strict=True))
+
+
+def summary_in(folder):
+    return json.loads((folder / "summary.json").read_text())
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory, drawn_plots):
     place = tmp_path_factory.mktemp("runs")
-    return {
-        kind: Run(
-            run(load_scene(kind, settings), place / kind, video=False, lattices=1),
-            place / kind,
-        )
-        for kind, settings in SCENES.items()
-    }
+    found = {}
+    for kind, settings in SCENES.items():
+        scene = load_scene(kind, settings)
+        result = run(scene, place / kind, video=False, lattices=1)
+        found[kind] = Run(result, place / kind)
+    return found
+
+
+@pytest.fixture
+def command(tmp_path, capsys):
+    """Return a function that runs a small impact into tmp_path / "o", and returns the
+    exit status and what was printed."""
+
+    def ended(*words):
+        options = ["--no-video", "--lattices=1", f"--out={tmp_path / 'o'}", *words]
+        settings = [f"--set={one}" for one in SMALL]
+        status = main(["run", "exponential_wall", *settings, *options])
+        return status, *capsys.readouterr()
+
+    return ended
 
 
 @pytest.mark.parametrize("kind", SCENES)
 def test_files_summary_and_columns_are_those_of_the_contract(runs, kind):
     stored_run = runs[kind]
-    summary = runs[kind].summary
-    table = runs[kind].table
-    names = {path.name for path in stored_run.out.iterdir()}
-    assert names == {
-        "scene.yaml",
-        "summary.json",
-        "timeseries.csv",
-        "lattice.npz",
-        "final.npz",
-        "plot.png",
-    }
-    assert (stored_run.out / "plot.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+    summary = stored_run.summary
+    table = stored_run.table
+    files = contents(stored_run.out)
+    assert set(files) == {*FILES, "plot.png"}
+    assert files["plot.png"].startswith(b"\x89PNG\r\n\x1a\n")
 
     assert summary == stored_run.result.summary
-    page = (Path(__file__).parents[2] / "docs/output.md").read_text(encoding="utf-8")
-    assert set(summary) <= set(
-        re.findall(
-            r"`(\w+)`", page.partition("### summary.json")[2].partition("###")[0]
-        )
-    )
+    section = PAGE.partition("### summary.json")[2].partition("###")[0]
+    assert set(summary) <= set(re.findall(r"`(\w+)`", section))
     assert summary["status"] == "done"
     assert summary["reason"] is None
     assert {"build", "simulate"} <= set(summary["wall_clock"])
-    assert {"python", engine.PACKAGE, "numpy", "taichi-disk"} <= set(
-        summary["versions"]
-    )
-    assert all(
-        summary[key] == value for key, value in stored_run.result.numbers.items()
-    )
+    versions = {"python", engine.PACKAGE, "numpy", "taichi-disk"}
+    assert versions <= set(summary["versions"])
+    assert summary | stored_run.result.numbers == summary
 
-    assert ",".join(table) == ALWAYS + (
-        ",load,xi" if kind == "compression" else ",translation,rotation,vibration"
-    )
+    is_pressed = kind == "compression"
+    more = ",load,xi" if is_pressed else ",translation,rotation,vibration"
+    assert ",".join(table) == ALWAYS + more
     assert np.isfinite(list(table.values())).all()
     assert (np.diff(table["t"]) > 0).all()
-    assert (table["t"][0] == 0.0) == (kind != "compression")
+    assert (table["t"][0] == 0.0) == (not is_pressed)
     parts = ("kinetic", "elastic", "wall", "dissipated", "absorbed", "sliding", "load")
-    np.testing.assert_allclose(
-        table["total"], sum(table.get(part, 0.0) for part in parts), rtol=1e-12
-    )
-    if kind != "compression":
+    total = sum(table.get(part, 0.0) for part in parts)
+    np.testing.assert_allclose(table["total"], total, rtol=1e-12)
+    if not is_pressed:
         split = table["translation"] + table["rotation"] + table["vibration"]
         np.testing.assert_allclose(split, table["kinetic"], rtol=1e-12)
 
@@ -172,15 +182,12 @@ def test_each_key_of_the_summary_is_there_under_its_condition(
 
 
 def test_the_columns_are_described_as_they_are_declared():
-    described = (Path(__file__).parents[2] / "docs/output.md").read_text(
-        encoding="utf-8"
-    )
     written = [column for column in COLUMNS if column.written != "never"]
     table = "".join(
         f"| `{column.name}` | {column.meaning} | {column.unit} |\n"
         for column in written
     )
-    assert table in described
+    assert table in PAGE
 
 
 def test_a_picture_that_fails_takes_no_result_with_it(tmp_path, monkeypatch):
@@ -192,75 +199,59 @@ def test_a_picture_that_fails_takes_no_result_with_it(tmp_path, monkeypatch):
     # the process that would draw the plot
     monkeypatch.setattr(sys, "executable", "/nowhere/python")
     result = run(load_scene("exponential_wall", SMALL), tmp_path / "o", lattices=1)
-    stored_run = Run(result, tmp_path / "o")
-    assert {path.name for path in stored_run.out.iterdir()} == {
-        "scene.yaml",
-        "summary.json",
-        "timeseries.csv",
-        "lattice.npz",
-        "final.npz",
-    }
-    assert stored_run.summary["status"] == "done"
-    assert stored_run.summary["video_error"] == "latex could not be found"
-    assert stored_run.summary["warnings"] == [
-        "there is no plot.png: latex could not be found"
-    ]
+    assert set(contents(tmp_path / "o")) == FILES
+    summary = result.summary
+    assert summary == summary_in(tmp_path / "o")
+    assert summary["status"] == "done"
+    assert summary["video_error"] == "latex could not be found"
+    assert summary["warnings"] == ["there is no plot.png: latex could not be found"]
 
 
 @pytest.mark.validate
-def test_an_export_that_fails_takes_no_result_with_it(tmp_path, monkeypatch, capsys):
+def test_an_export_that_fails_takes_no_result_with_it(tmp_path, monkeypatch, command):
     def fails(*_):
-        raise OSError(errno.ENOSPC, "No space left on device")
+        raise FULL
 
     monkeypatch.setitem(export.FORMATS, "xyz", export.Format(".xyz", fails))
-    out = tmp_path / "o"
-    words = [f"--set={one}" for one in SMALL]
-    options = ["--no-video", "--lattices=1", "--export=xyz", f"--out={out}"]
-    assert main(["run", "exponential_wall", *words, *options]) == 1
-    printed = capsys.readouterr()
-    assert printed.out.startswith("restitution e ")
-    assert "error: cannot write trajectory.xyz: No space left" in printed.err
-    summary = json.loads((out / "summary.json").read_text())
+    status, printed, errors = command("--export=xyz")
+    assert status == 1
+    assert printed.startswith("restitution e ")
+    assert "error: cannot write trajectory.xyz: No space left" in errors
+    summary = summary_in(tmp_path / "o")
     assert summary["status"] == "done"
     assert "trajectory.xyz" in summary["export_error"]
-    assert not list(out.glob("*.xyz"))
-    assert (out / "plot.png").exists()
+    assert set(contents(tmp_path / "o")) == {*FILES, "plot.png"}
 
 
 @pytest.mark.parametrize("name", ["final.npz", "timeseries.csv", "summary.json"])
-def test_a_full_disk_takes_no_number_with_it(tmp_path, monkeypatch, capsys, name):
+def test_a_full_disk_takes_no_number_with_it(tmp_path, monkeypatch, command, name):
     written = files.atomic_write
 
     def full(path, writer):
         def write(new):
             writer(new)
             if path.name == name:
-                raise OSError(errno.ENOSPC, "No space left on device")
+                raise FULL
 
         written(path, write)
 
-    monkeypatch.setattr(files, "atomic_write", full)
-    out = tmp_path / "o"
-    words = [f"--set={one}" for one in SMALL]
-    options = ["--no-video", "--lattices=1", f"--out={out}"]
-    assert main(["run", "exponential_wall", *words, *options]) == 1
-    printed = capsys.readouterr()
-    assert printed.out.startswith("restitution e ")
-    assert printed.err.endswith(
-        f"error: cannot write {name}: No space left on device\n"
-    )
+    with monkeypatch.context() as patch:
+        patch.setattr(files, "atomic_write", full)
+        status, printed, errors = command()
+    assert status == 1
+    assert printed.startswith("restitution e ")
+    assert errors.endswith(f"error: cannot write {name}: No space left on device\n")
     if name == "summary.json":
         assert list(tmp_path.iterdir()) == []
-        assert "files in" not in printed.out
+        assert "files in" not in printed
     else:
-        summary = json.loads((out / "summary.json").read_text())
+        summary = summary_in(tmp_path / "o")
         assert summary["status"] == "failed"
         assert name in summary["reason"]
-        assert str(summary["restitution"])[:6] in printed.out
-        assert not list(out.glob(f"*{name}"))
+        assert str(summary["restitution"])[:6] in printed
+        assert name not in contents(tmp_path / "o")
         # It may be repeated: the folder holds a run.
-        monkeypatch.setattr(files, "atomic_write", written)
-        assert main(["run", "exponential_wall", *words, *options]) == 0
+        assert command()[0] == 0
 
 
 def test_the_summary_has_the_numbers_even_if_the_disk_stays_full(tmp_path, monkeypatch):
@@ -278,7 +269,7 @@ def test_the_summary_has_the_numbers_even_if_the_disk_stays_full(tmp_path, monke
     result = run(scene, tmp_path / "o", video=False, lattices=1)
     assert names[-2:] == ["final.npz", "summary.json"]
     assert result.summary["reason"] == "cannot write final.npz: No space left on device"
-    summary = json.loads((tmp_path / "o" / "summary.json").read_text())
+    summary = summary_in(tmp_path / "o")
     assert summary["restitution"] == result.restitution
     assert summary["status"] == "failed"
 
@@ -297,28 +288,17 @@ def test_first_and_last_row_are_the_states_in_the_npz_files(runs, kind):
         v = state["velocities"][:n]
         centre = x.mean(axis=0)
         speed = v.mean(axis=0)
-        spin = m * np.sum(
-            (x - centre)[:, 0] * (v - speed)[:, 1]
-            - (x - centre)[:, 1] * (v - speed)[:, 0]
-        )
+        arm = x - centre
+        turning = v - speed
+        spin = m * np.sum(arm[:, 0] * turning[:, 1] - arm[:, 1] * turning[:, 0])
         kinetic = 0.5 * m * np.sum(state["velocities"] ** 2)
-        names = (
-            "com_x",
-            "com_y",
-            "com_vx",
-            "com_vy",
-            "angular_momentum",
-            "lowest_y",
-            "kinetic",
-        )
-        values = [*centre, *speed, spin, x[:, 1].min(), kinetic]
-        assert [table[name][row] for name in names] == pytest.approx(
-            values, rel=1e-11, abs=1e-14
-        )
+        names = "com_x com_y com_vx com_vy angular_momentum lowest_y kinetic"
+        found = [table[name][row] for name in names.split()]
+        expected = [*centre, *speed, spin, x[:, 1].min(), kinetic]
+        assert found == pytest.approx(expected, rel=1e-11, abs=1e-14)
     summary = stored_run.summary
-    assert (
-        table["t"][-1] == final["t"] == pytest.approx(summary["steps"] * summary["dt"])
-    )
+    duration = summary["steps"] * summary["dt"]
+    assert table["t"][-1] == final["t"] == pytest.approx(duration)
     # far from the wall
     before, after = np.sqrt(table["com_vy"] ** 2 + 2.0 * table["wall"])[[0, -1]]
     assert after / before == pytest.approx(summary["restitution"], rel=1e-12)
@@ -343,13 +323,9 @@ def test_lattice_npz_alone_repeats_the_run(runs):
     stored_run = runs["absorbing_wall"]
     start = np.load(stored_run.out / "lattice.npz")
     final = np.load(stored_run.out / "final.npz")
-    d = (
-        start["positions"][start["bonds"][:, 0]]
-        - start["positions"][start["bonds"][:, 1]]
-    )
-    np.testing.assert_allclose(
-        np.hypot(*d.T), start["rest_lengths"], rtol=0, atol=1e-13
-    )
+    ends = start["positions"][start["bonds"]]
+    lengths = np.hypot(*(ends[:, 0] - ends[:, 1]).T)
+    np.testing.assert_allclose(lengths, start["rest_lengths"], rtol=0, atol=1e-13)
     assert (np.diff(start["positions"][start["wall_surface"], 0]) > 0).all()
     own = Model(
         Springs(1.0, 1e-3),
@@ -371,20 +347,11 @@ def test_the_saved_scene_is_the_scene_with_every_default_and_repeats_the_run_bit
     stored_run = runs["compression"]
     path = stored_run.out / "scene.yaml"
     assert load_scene(path) == load_scene("compression", SCENES["compression"])
-    for key in (
-        "points",
-        "seed",
-        "k_a",
-        "eta_star",
-        "a",
-        "V0",
-        "pressure",
-        "integrator",
-        "safety",
-    ):
-        assert re.search(rf"^  {key}: ", path.read_text(), re.MULTILINE), key
-    before = {path.name: path.read_bytes() for path in stored_run.out.iterdir()}
+    keys = set(re.findall(r"^  (\w+): ", path.read_text(), re.MULTILINE))
+    assert {"points", "seed", "k_a", "eta_star", "a", "V0"} < keys
+    assert {"pressure", "integrator", "safety"} < keys
+    before = contents(stored_run.out)
     run(load_scene(path), stored_run.out, video=False, lattices=1)
-    after = {path.name: path.read_bytes() for path in stored_run.out.iterdir()}
+    after = contents(stored_run.out)
     # its wall clock
     assert {name for name in before if after[name] != before[name]} == {"summary.json"}

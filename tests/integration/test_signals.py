@@ -25,14 +25,8 @@ from taichi_disk.signals import (
     raise_if_interrupted,
 )
 
-COMMAND = [
-    sys.executable,
-    "-m",
-    "taichi_disk",
-    "run",
-    "exponential_wall",
-    "--set=video.seconds=8",
-]
+RUN = ["-m", "taichi_disk", "run", "exponential_wall", "--set=video.seconds=8"]
+COMMAND = [sys.executable, *RUN]
 FIRST_PICTURE = """
 import builtins, signal
 from taichi_disk.engine import ti
@@ -109,24 +103,35 @@ def _heard_signals():
         signal.signal(number, handler)
 
 
+def into(out):
+    return [*COMMAND, "--out", str(out)]
+
+
+def ready(code, *before):
+    """Start Python with a script that says when it is ready."""
+    command = [*before, sys.executable, "-c", code]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    assert child.stdout.readline() == "ready\n"
+    return child
+
+
 @pytest.fixture(scope="module")
 def run_time(tmp_path_factory):
     """Return how long COMMAND takes [s]."""
     began = time.monotonic()
-    subprocess.run(
-        [*COMMAND, "--out", str(tmp_path_factory.mktemp("whole") / "o")],
-        check=True,
-        capture_output=True,
-    )
+    out = tmp_path_factory.mktemp("whole") / "o"
+    subprocess.run(into(out), check=True, capture_output=True)
     return time.monotonic() - began
 
 
+def status_in(out):
+    return json.loads((out / "summary.json").read_text())["status"]
+
+
 def interrupted(out, after, number):
+    """Send a signal to a run, and check what it leaves."""
     process = subprocess.Popen(
-        [*COMMAND, "--out", str(out)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
+        into(out), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     time.sleep(after)
     process.send_signal(number)
@@ -134,9 +139,8 @@ def interrupted(out, after, number):
         _, err = process.communicate(timeout=60)
     finally:
         process.kill()
-    if process.returncode == -number or (
-        "Traceback" in err and "in process" not in err
-    ):
+    is_early = "Traceback" in err and "in process" not in err
+    if process.returncode == -number or is_early:
         # The signal comes before Python has reached our first line.
         assert not out.exists()
         return
@@ -144,13 +148,14 @@ def interrupted(out, after, number):
     assert "Traceback" not in err
     assert not list(out.parent.glob(".*"))
     if out.exists():
-        status = json.loads((out / "summary.json").read_text())["status"]
+        status = status_in(out)
         assert status == ("done" if process.returncode == 0 else "interrupted")
-        films = {
-            path.name for path in out.iterdir() if path.suffix in (".mp4", ".partial")
-        }
+        films = {one.name for one in out.iterdir() if one.suffix in FILMS}
         assert films <= {"video.mp4"}
         assert status == "done" or not films
+
+
+FILMS = (".mp4", ".partial")
 
 
 def test_ctrl_c_is_raised_at_a_check_or_at_the_end_and_a_second_one_at_once():
@@ -175,7 +180,7 @@ def test_ctrl_c_is_raised_at_a_check_or_at_the_end_and_a_second_one_at_once():
 @pytest.mark.parametrize("after", [5.0, 12.0, 20.0])
 def test_a_second_ctrl_c_ends_the_building_of_a_large_lattice_at_once(tmp_path, after):
     process = subprocess.Popen(
-        [*COMMAND, "--set=lattice.points=1000000", "--out", str(tmp_path / "out")]
+        [*into(tmp_path / "out"), "--set=lattice.points=1000000"]
     )
     time.sleep(after)
     process.send_signal(signal.SIGINT)
@@ -202,9 +207,8 @@ def test_processes_of_a_sweep_ignore_signals_that_their_parent_receives(number):
 
     def start():
         with ignored_by_children():
-            return subprocess.run(
-                [sys.executable, "-c", code], capture_output=True, text=True
-            )
+            command = [sys.executable, "-c", code]
+            return subprocess.run(command, capture_output=True, text=True)
 
     with ThreadPoolExecutor(1) as thread:
         for child in (start(), thread.submit(start).result()):
@@ -220,10 +224,7 @@ def test_processes_of_a_sweep_ignore_signals_that_their_parent_receives(number):
 
 
 def test_a_second_signal_ends_a_command_at_once_but_two_together_are_one():
-    child = subprocess.Popen(
-        [sys.executable, "-c", LISTENING], stdout=subprocess.PIPE, text=True
-    )
-    assert child.stdout.readline() == "ready\n"
+    child = ready(LISTENING)
     for number in (signal.SIGTERM, signal.SIGINT):
         child.send_signal(number)
         time.sleep(0.1)
@@ -234,10 +235,7 @@ def test_a_second_signal_ends_a_command_at_once_but_two_together_are_one():
 
 
 def test_the_end_of_the_processor_time_is_one_signal_however_often_it_comes():
-    child = subprocess.Popen(
-        [sys.executable, "-c", LISTENING], stdout=subprocess.PIPE, text=True
-    )
-    assert child.stdout.readline() == "ready\n"
+    child = ready(LISTENING)
     for _ in range(2):
         child.send_signal(signal.SIGXCPU)
         time.sleep(1.2 * REPEAT_TIME)
@@ -247,12 +245,7 @@ def test_the_end_of_the_processor_time_is_one_signal_however_often_it_comes():
 
 
 def test_a_command_started_by_nohup_goes_on_when_the_connection_is_lost():
-    child = subprocess.Popen(
-        ["sh", "-c", 'trap "" HUP; exec "$@"', "-", sys.executable, "-c", LISTENING],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert child.stdout.readline() == "ready\n"
+    child = ready(LISTENING, "sh", "-c", 'trap "" HUP; exec "$@"', "-")
     for _ in range(2):
         child.send_signal(signal.SIGHUP)
         time.sleep(1.2 * REPEAT_TIME)
@@ -278,24 +271,15 @@ def test_a_second_signal_ends_a_command_that_waits_for_its_scene(tmp_path):
 def test_an_interrupt_while_the_first_picture_is_read_is_handled_like_any_other(
     tmp_path,
 ):
-    assert (
-        subprocess.run([sys.executable, "-c", FIRST_PICTURE], cwd=tmp_path).returncode
-        == 7
-    )
+    command = [sys.executable, "-c", FIRST_PICTURE]
+    assert subprocess.run(command, cwd=tmp_path).returncode == 7
 
 
 @pytest.mark.parametrize("module", ["argparse", engine.NAME])
 def test_an_interrupt_during_imports_ends_with_130_and_no_traceback(tmp_path, module):
-    script = [
-        sys.executable,
-        "-c",
-        IMPORTING,
-        module,
-        *COMMAND[3:],
-        "--out",
-        str(tmp_path / "o"),
-    ]
-    done = subprocess.run(script, capture_output=True, text=True)
+    words = [module, *RUN[2:], "--out", str(tmp_path / "o")]
+    command = [sys.executable, "-c", IMPORTING, *words]
+    done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == INTERRUPTED
     assert done.stderr == "interrupted\n"
     assert list(tmp_path.iterdir()) == []
@@ -305,10 +289,7 @@ def test_an_interrupt_during_imports_ends_with_130_and_no_traceback(tmp_path, mo
 def test_ctrl_c_in_python_is_a_keyboard_interrupt_wherever_a_run_is():
     moments = random.Random(5)
     for _ in range(2):
-        child = subprocess.Popen(
-            [sys.executable, "-c", FROM_PYTHON], stdout=subprocess.PIPE, text=True
-        )
-        assert child.stdout.readline() == "ready\n"
+        child = ready(FROM_PYTHON)
         time.sleep(moments.uniform(0.0, 2.0))
         child.send_signal(signal.SIGINT)
         try:
@@ -340,9 +321,7 @@ def test_a_killed_run_never_harms_a_finished_one(tmp_path, run_time):
     finished = False
     for _ in range(5):
         process = subprocess.Popen(
-            [*COMMAND, "--out", str(out)],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
+            into(out), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
         time.sleep(moments.uniform(0.3, 1.1 * run_time))
         process.kill()
@@ -350,9 +329,7 @@ def test_a_killed_run_never_harms_a_finished_one(tmp_path, run_time):
         done = (out / "summary.json").exists()
         assert done or not finished, "a finished run was lost"
         finished = finished or done
-        if done:
-            assert json.loads((out / "summary.json").read_text())["status"] == "done"
-    subprocess.run([*COMMAND, "--out", str(out)], check=True, capture_output=True)
-    assert [path.name for path in out.parent.iterdir() if ".new." not in path.name] == [
-        "o"
-    ]
+        assert not done or status_in(out) == "done"
+    subprocess.run(into(out), check=True, capture_output=True)
+    left = [one.name for one in out.parent.iterdir() if ".new." not in one.name]
+    assert left == ["o"]

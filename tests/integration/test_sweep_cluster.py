@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -45,36 +46,18 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 
 def command(scene: Path, out: Path, *options: str) -> list[str]:
-    return [
-        sys.executable,
-        "-m",
-        "taichi_disk",
-        "sweep",
-        str(scene),
-        "--out",
-        str(out),
-        *options,
-    ]
+    words = ("sweep", str(scene), "--out", str(out), *options)
+    return [sys.executable, "-m", "taichi_disk", *words]
 
 
-def started(
-    *arguments: object, environment: dict[str, str] | None = None
-) -> subprocess.Popen[bytes]:
-    return subprocess.Popen(
-        [*map(str, arguments)],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        env=environment,
-    )
+def started(*arguments: object, **options: Any) -> subprocess.Popen[str]:
+    pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen([*map(str, arguments)], **{**pipes, **options})
 
 
 def finish(scene: Path, out: Path, *options: str) -> int:
     """Run the command to its end, and return the number of computed points."""
-    done = subprocess.run(
-        command(scene, out, *options), capture_output=True, text=True, check=True
-    )
-    if "--part" in options:
-        return int(done.stdout.split(" points, ")[1].split()[0])
+    subprocess.run(command(scene, out, *options), capture_output=True, check=True)
     computed: int = json.loads((out / "summary.json").read_text())["computed_now"]
     return computed
 
@@ -90,16 +73,16 @@ def count(out: Path) -> int:
     return len(list((out / "points").glob("[!.]*.json")))
 
 
-def children(process: subprocess.Popen[bytes]) -> list[int]:
-    return [
-        int(pid)
-        for pid in (
-            Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
-        )
-    ]
+def children(process: subprocess.Popen[str]) -> list[int]:
+    found = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text()
+    return [int(pid) for pid in found.split()]
 
 
-def workers(process: subprocess.Popen[bytes]) -> list[int]:
+def lives(pid: int) -> bool:
+    return Path(f"/proc/{pid}").exists()
+
+
+def workers(process: subprocess.Popen[str]) -> list[int]:
     """Return the child processes that compute."""
     return [
         pid
@@ -108,7 +91,15 @@ def workers(process: subprocess.Popen[bytes]) -> list[int]:
     ]
 
 
-def kill(process: subprocess.Popen[bytes]) -> None:
+def goes_on(scene: Path, out: Path, expected: bytes, *options: str) -> None:
+    """Check that the same command computes what is missing, to the same bytes."""
+    done = count(out)
+    assert 0 < done < POINTS
+    assert finish(scene, out, *options) == POINTS - done
+    assert (out / "points.csv").read_bytes() == expected
+
+
+def kill(process: subprocess.Popen[str]) -> None:
     process.kill()
     process.wait()
 
@@ -122,14 +113,9 @@ def test_a_killed_sweep_goes_on_where_it_was(scene, expected, tmp_path):
     wait_until(lambda: count(out) > 0, "no point is done")
     descendants = children(first)
     kill(first)
-    wait_until(
-        lambda: not any(Path(f"/proc/{pid}").exists() for pid in descendants),
-        "workers outlive their parent",
-    )
-    done = count(out)
-    assert 0 < done < POINTS
-    assert finish(scene, out, "--jobs", "2") == POINTS - done
-    assert (out / "points.csv").read_bytes() == expected
+    orphans = "workers outlive their parent"
+    wait_until(lambda: not any(map(lives, descendants)), orphans)
+    goes_on(scene, out, expected, "--jobs", "2")
 
 
 # a terminal interrupts the whole group; `timeout` and batch systems terminate it
@@ -139,23 +125,17 @@ def test_an_interrupted_sweep_ends_at_once_and_says_so(scene, tmp_path, after, n
     out = tmp_path / "out"
     # each scene takes minutes
     options = ("--jobs", "2", "--set", "lattice.points=20000")
-    process = subprocess.Popen(
-        command(scene, out, *options),
-        stderr=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        start_new_session=True,
-    )
+    process = started(*command(scene, out, *options), start_new_session=True)
     wait_until(lambda: len(workers(process)) == 2, "no worker has begun")
     time.sleep(after)
     computing = workers(process)
     began = time.monotonic()
     os.killpg(process.pid, number)
-    assert process.wait(PATIENCE) == 130
+    last = process.communicate(timeout=PATIENCE)[1].splitlines()[-1]
+    assert process.returncode == 130
     assert time.monotonic() - began < 10.0
-    assert not any(Path(f"/proc/{pid}").exists() for pid in computing)
+    assert not any(map(lives, computing))
     assert not (out / "points.csv").exists()
-    assert process.stderr is not None
-    last = process.stderr.read().decode().splitlines()[-1]
     assert last == "interrupted; finished scenes are kept: repeat the command to go on"
 
 
@@ -163,24 +143,16 @@ def test_a_killed_worker_ends_the_sweep_and_the_same_command_goes_on(
     scene, expected, tmp_path
 ):
     out = tmp_path / "out"
-    process = subprocess.Popen(
-        command(scene, out, "--jobs", "2"),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-    )
+    process = started(*command(scene, out, "--jobs", "2"))
     wait_until(lambda: count(out) > 0, "no point is done")
     os.kill(workers(process)[0], signal.SIGKILL)
-    error = process.communicate(timeout=PATIENCE)[1].decode()
+    error = process.communicate(timeout=PATIENCE)[1]
     assert process.returncode == 1
     assert "Traceback" not in error
-    assert error.splitlines()[-1].startswith(
-        "error: the workers failed (one died, perhaps for lack of memory"
-    )
+    died = "error: the workers failed (one died, perhaps for lack of memory"
+    assert error.splitlines()[-1].startswith(died)
     assert error.endswith("repeat the command to go on\n")
-    done = count(out)
-    assert 0 < done < POINTS
-    assert finish(scene, out, "--jobs", "2") == POINTS - done
-    assert (out / "points.csv").read_bytes() == expected
+    goes_on(scene, out, expected, "--jobs", "2")
 
 
 def test_parts_at_the_same_time_in_one_folder_one_of_them_killed(
@@ -193,13 +165,13 @@ def test_parts_at_the_same_time_in_one_folder_one_of_them_killed(
     ]
     wait_until(lambda: count(out) > 3, "no point is done")
     kill(parts[0])
-    assert [part.wait(PATIENCE) for part in parts[1:]] == [0, 0]
+    for part in parts[1:]:
+        part.communicate(timeout=PATIENCE)
+        assert part.returncode == 0
     assert not (out / "points.csv").exists()
     assert 48 <= count(out) < POINTS
-    assert (
-        finish(scene, out, "--part", "1/3") == POINTS - count(out)
-        or count(out) == POINTS
-    )
+    part = command(scene, out, "--part", "1/3")
+    subprocess.run(part, capture_output=True, check=True)
     assert count(out) == POINTS
     assert finish(scene, out) == 0
     assert (out / "points.csv").read_bytes() == expected
@@ -210,12 +182,8 @@ def test_workers_leave_their_kernels_to_the_next_sweep(scene, tmp_path):
     cache.mkdir()
     environment = os.environ | {"TI_OFFLINE_CACHE_FILE_PATH": str(cache)}
     options = ("--jobs", "2", "--set", "sweep.seed=[3]")
-    subprocess.run(
-        command(scene, tmp_path / "out", *options),
-        env=environment,
-        capture_output=True,
-        check=True,
-    )
+    sweep = command(scene, tmp_path / "out", *options)
+    subprocess.run(sweep, env=environment, capture_output=True, check=True)
     assert sum(path.is_file() for path in cache.rglob("*")) > 3
 
 
@@ -238,17 +206,10 @@ class Cluster:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.processes = list[subprocess.Popen[bytes]]()
+        self.processes = list[subprocess.Popen[str]]()
         file = folder / "scheduler.json"
-        self.begin(
-            "distributed.cli.dask_scheduler",
-            "--host",
-            "127.0.0.1",
-            "--port",
-            "0",
-            "--scheduler-file",
-            file,
-        )
+        at = ("--host", "127.0.0.1", "--port", "0", "--scheduler-file", file)
+        self.begin("distributed.cli.dask_scheduler", *at)
         wait_until(
             lambda: file.exists() and file.read_text().strip().endswith("}"),
             "no scheduler",
@@ -257,36 +218,23 @@ class Cluster:
         self.scheduler = self.processes[0]
         self.workers = [self.add_worker() for _ in range(2)]
 
-    def add_worker(
-        self, threads: int = 1, python_path: Path | None = None
-    ) -> subprocess.Popen[bytes]:
-        options = ("--no-nanny", "--local-directory", self.folder)
-        return self.begin(
-            "distributed.cli.dask_worker",
-            self.address,
-            "--nthreads",
-            threads,
-            *options,
-            python_path=python_path,
-        )
+    def add_worker(self, threads: int = 1, **environment: str) -> subprocess.Popen[str]:
+        folder = ("--no-nanny", "--local-directory", self.folder)
+        worker = (self.address, "--nthreads", threads, *folder)
+        return self.begin("distributed.cli.dask_worker", *worker, **environment)
 
     def begin(
-        self, module: str, *options: object, python_path: Path | None = None
-    ) -> subprocess.Popen[bytes]:
-        environment = dict(os.environ)
-        if python_path is not None:
-            environment["PYTHONPATH"] = str(python_path)
-        self.processes.append(
-            started(
-                sys.executable,
-                "-m",
-                module,
-                *options,
-                "--no-dashboard",
-                environment=environment,
-            )
-        )
+        self, module: str, *words: object, **environment: str
+    ) -> subprocess.Popen[str]:
+        command = (sys.executable, "-m", module, *words, "--no-dashboard")
+        options = {"env": os.environ | environment, "stderr": subprocess.DEVNULL}
+        self.processes.append(started(*command, **options))
         return self.processes[-1]
+
+    def without_workers(self) -> Cluster:
+        for worker in self.workers:
+            kill(worker)
+        return self
 
 
 @pytest.fixture
@@ -306,26 +254,16 @@ def test_a_killed_dask_worker_and_a_killed_client(cluster, scene, expected, tmp_
     before = count(out)
     wait_until(lambda: count(out) > before + 6, "the other worker does not go on")
     kill(first)
-    done = count(out)
-    assert done < POINTS
     cluster.add_worker()
-    assert finish(scene, out, "--scheduler", cluster.address) == POINTS - done
-    assert (out / "points.csv").read_bytes() == expected
+    goes_on(scene, out, expected, "--scheduler", cluster.address)
 
 
 def test_a_dask_worker_without_the_package_is_named(cluster, scene, tmp_path):
-    (tmp_path / "sitecustomize.py").write_text(
-        "import sys\nsys.modules['taichi_disk'] = None\n"
-    )
-    for worker in cluster.workers:
-        kill(worker)
-    cluster.add_worker(python_path=tmp_path)
-    done = subprocess.run(
-        command(scene, tmp_path / "out", "--scheduler", cluster.address),
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-    )
+    broken = "import sys\nsys.modules['taichi_disk'] = None\n"
+    (tmp_path / "sitecustomize.py").write_text(broken)
+    cluster.without_workers().add_worker(PYTHONPATH=str(tmp_path))
+    sweep = command(scene, tmp_path / "out", "--scheduler", cluster.address)
+    done = subprocess.run(sweep, capture_output=True, text=True, timeout=PATIENCE)
     last = done.stderr.splitlines()[-1]
     assert done.returncode == 2
     assert last.startswith("error: a worker cannot import this package (")
@@ -336,28 +274,23 @@ def test_a_dask_worker_without_the_package_is_named(cluster, scene, tmp_path):
 def test_a_dask_worker_with_several_threads_gives_the_same_bytes(
     cluster, scene, expected, tmp_path
 ):
-    for worker in cluster.workers:
-        kill(worker)
-    cluster.add_worker(threads=4)
+    cluster.without_workers().add_worker(threads=4)
     assert finish(scene, tmp_path / "out", "--scheduler", cluster.address) == POINTS
     assert (tmp_path / "out" / "points.csv").read_bytes() == expected
 
 
 def test_a_sweep_waits_while_there_are_no_workers(cluster, scene, expected, tmp_path):
     out = tmp_path / "out"
-    for worker in cluster.workers:
-        kill(worker)
-    with (tmp_path / "notes").open("w") as notes:
-        process = subprocess.Popen(
-            command(scene, out, "--scheduler", cluster.address),
-            stdout=subprocess.DEVNULL,
-            stderr=notes,
-        )
-    text = "while there are none, the sweep waits"
-    wait_until(lambda: text in (tmp_path / "notes").read_text(), "no note")
+    cluster.without_workers()
+    process = started(*command(scene, out, "--scheduler", cluster.address))
+    assert process.stderr
+    for line in process.stderr:
+        if "while there are none, the sweep waits" in line:
+            break
     assert count(out) == 0
     cluster.add_worker()
-    assert process.wait(PATIENCE) == 0
+    process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0
     assert (out / "points.csv").read_bytes() == expected
 
 
@@ -365,12 +298,7 @@ def test_a_scheduler_that_goes_ends_the_sweep_and_the_last_line_says_so(
     cluster, scene, tmp_path
 ):
     out = tmp_path / "out"
-    process = subprocess.Popen(
-        command(scene, out, "--scheduler", cluster.address),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    process = started(*command(scene, out, "--scheduler", cluster.address))
     wait_until(lambda: count(out) > 0, "no point is done")
     kill(cluster.scheduler)
     lines = process.communicate(timeout=PATIENCE)[1].splitlines()
