@@ -13,15 +13,8 @@ from taichi_disk.cli import main
 
 
 def accuracy(out: Path, scene: str, *settings: str) -> int:
-    return main(
-        [
-            "accuracy",
-            scene,
-            "--out",
-            str(out),
-            *(part for setting in settings for part in ("--set", setting)),
-        ]
-    )
+    changes = [f"--set={one}" for one in ("lattice.points=30", *settings)]
+    return main(["accuracy", scene, "--out", str(out), *changes])
 
 
 @pytest.fixture(autouse=True)
@@ -32,43 +25,29 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.validate
-def test_accuracy_does_not_write_into_the_folder_of_a_run(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    run(
-        load_scene("exponential_wall", ["lattice.points=30"]),
-        tmp_path,
-        video=False,
-        lattices=1,
-    )
-    assert accuracy(tmp_path, "exponential_wall", "lattice.points=30") == 2
-    assert "holds a run" in capsys.readouterr().err
-    assert (
-        accuracy(tmp_path / "summary.json", "exponential_wall", "lattice.points=30")
-        == 2
-    )
-    assert "is a file" in capsys.readouterr().err
+def test_accuracy_does_not_write_into_the_folder_of_a_run(tmp_path, capsys):
+    scene = load_scene("exponential_wall", ["lattice.points=30"])
+    run(scene, tmp_path, video=False, lattices=1)
+    for out, reason in (
+        (tmp_path, "holds a run"),
+        (tmp_path / "summary.json", "is a file"),
+    ):
+        assert accuracy(out, "exponential_wall") == 2
+        assert reason in capsys.readouterr().err
 
 
 @pytest.mark.validate
 def test_a_user_s_step_too_long_for_finer_lattices_still_gives_a_report(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert (
-        accuracy(
-            tmp_path / "out", "exponential_wall", "lattice.points=30", "time.dt=0.04"
-        )
-        == 0
-    )
-    output = capsys.readouterr()
-    first, *rest = output.out.splitlines()
+    tmp_path, capsys
+):
+    assert accuracy(tmp_path, "exponential_wall", "time.dt=0.04") == 0
+    first, *rest = capsys.readouterr().out.splitlines()
     assert first.startswith("restitution: time step ")
     assert first.endswith("not smaller steps")
     assert any(line.startswith(" integrator ") for line in rest)
-    text = (tmp_path / "out" / "accuracy.md").read_text(encoding="utf-8")
-    assert first in text
-    assert (tmp_path / "out" / "accuracy.png").read_bytes().startswith(b"\x89PNG")
-    with (tmp_path / "out" / "accuracy.csv").open() as file:
+    assert first in (tmp_path / "accuracy.md").read_text(encoding="utf-8")
+    assert (tmp_path / "accuracy.png").read_bytes().startswith(b"\x89PNG")
+    with (tmp_path / "accuracy.csv").open() as file:
         rows = list(csv.DictReader(file))
     (own,) = (row for row in rows if row["own"] == "True")
     assert float(own["dt"]) == pytest.approx(0.04, rel=0.01)
@@ -76,25 +55,16 @@ def test_a_user_s_step_too_long_for_finer_lattices_still_gives_a_report(
 
 
 def test_a_user_s_step_beyond_the_limit_is_refused_before_anything_is_measured(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert (
-        accuracy(
-            tmp_path / "out", "exponential_wall", "lattice.points=30", "time.dt=0.5"
-        )
-        == 2
-    )
+    tmp_path, capsys
+):
+    assert accuracy(tmp_path / "out", "exponential_wall", "time.dt=0.5") == 2
     assert "beyond the stability limit" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
-def test_a_compression_has_no_steps_to_measure(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert accuracy(tmp_path / "out", "compression", "lattice.points=30") == 0
-    assert capsys.readouterr().out.startswith(
-        "xi: no time step (an equilibrium), lattice scatter"
-    )
-    assert not (tmp_path / "out" / "accuracy.csv").exists()
-    text = (tmp_path / "out" / "accuracy.md").read_text(encoding="utf-8")
-    assert "xi: no time step (an equilibrium), lattice scatter" in text
+def test_a_compression_has_no_steps_to_measure(tmp_path, capsys):
+    assert accuracy(tmp_path, "compression") == 0
+    sentence = "xi: no time step (an equilibrium), lattice scatter"
+    assert capsys.readouterr().out.startswith(sentence)
+    assert sentence in (tmp_path / "accuracy.md").read_text(encoding="utf-8")
+    assert not (tmp_path / "accuracy.csv").exists()

@@ -16,6 +16,7 @@ from taichi_disk.api.lattices import half_width_95
 from taichi_disk.errors import InputError, SimulationError
 
 SMALL = {"lattice.points": 60, "lattice.seed": 3, "material.viscosity": 0.0091}
+SCENE = load_scene("exponential_wall").with_(SMALL)
 
 
 @pytest.mark.parametrize(
@@ -36,9 +37,8 @@ SMALL = {"lattice.points": 60, "lattice.seed": 3, "material.viscosity": 0.0091}
 def test_mean_and_scatter_are_those_of_a_sweep_over_the_same_seeds_to_all_digits(
     tmp_path, kind, keys
 ):
-    result = run(
-        load_scene(kind).with_(SMALL | keys), tmp_path / "run", video=False, lattices=4
-    )
+    scene = load_scene(kind).with_(SMALL | keys)
+    result = run(scene, tmp_path / "run", video=False, lattices=4)
     nested: dict = {"scene": kind, "sweep": {"seed": [3, 4, 5, 6]}}
     for key, value in (SMALL | keys).items():
         section, name = key.split(".")
@@ -56,23 +56,22 @@ def test_mean_and_scatter_are_those_of_a_sweep_over_the_same_seeds_to_all_digits
         assert len(set(vibration["values"])) == 4
     for name, summary in found.items():
         values = [row[name] for row in rows]
+        half_width = t.ppf(0.975, 3) * sem(values)
+        ends = np.mean(values) + [-half_width, half_width]
         assert summary == {
             "values": values,
             "mean": np.mean(values),
             "standard_deviation": np.std(values, ddof=1),
             "standard_error": pytest.approx(sem(values), rel=1e-12),
-            "interval_95": pytest.approx(
-                np.mean(values) + t.ppf([0.025, 0.975], 3) * sem(values), rel=1e-12
-            ),
+            "interval_95": pytest.approx(ends, rel=1e-12),
         }
     primary = found[next(iter(found))]
     assert result.mean == primary["mean"]
     assert result.scatter == primary["standard_deviation"] > 0.0
     assert result.standard_error == primary["standard_error"]
     assert result.interval_95 == primary["interval_95"]
-    assert {
-        name: summary["values"][0] for name, summary in found.items()
-    } == result.numbers
+    first = {name: summary["values"][0] for name, summary in found.items()}
+    assert first == result.numbers
 
 
 def test_an_interval_of_95_per_cent_misses_one_mean_in_twenty():
@@ -84,18 +83,17 @@ def test_an_interval_of_95_per_cent_misses_one_mean_in_twenty():
 
 
 def test_eight_lattices_are_computed_up_to_5000_points(monkeypatch):
-    scene = load_scene("exponential_wall").with_(SMALL)
-    result = run(scene)
+    result = run(SCENE)
     assert result.summary["lattices"]["seeds"] == list(range(3, 11))
     assert "notes" not in result.summary
-    alone = run(scene, lattices=1)
+    alone = run(SCENE, lattices=1)
     assert alone.scatter is alone.mean is alone.standard_error is None
     assert alone.interval_95 is None
     assert not {"lattices", "notes"} & set(alone.summary)
     assert alone.numbers == result.numbers
     assert alone.error == result.error
     monkeypatch.setattr(lattices, "MAX_POINTS", 59)
-    large = run(scene).summary
+    large = run(SCENE).summary
     assert "lattices" not in large
     assert "more than 59 points; lattices=8" in large["notes"][0]
 
@@ -128,19 +126,18 @@ def test_a_relaxation_or_a_tolerance_is_computed_on_three_lattices(
 
 def test_a_run_that_takes_long_is_computed_on_its_own_lattice_only(monkeypatch):
     monkeypatch.setattr(lattices, "ESTIMATE_UP_TO", 1e4)
-    summary = run(load_scene("exponential_wall").with_(SMALL)).summary
+    summary = run(SCENE).summary
     assert "lattices" not in summary
     assert "5 s; lattices=8" in summary["notes"][0]
 
 
 def test_a_custom_body_has_no_seeds_and_the_run_notes_it():
-    scene = load_scene("exponential_wall").with_(SMALL)
     own = Lattice.disk(60, seed=5)
     for options in ({"lattice": own}, {"velocities": np.tile([0.0, -0.03], (60, 1))}):
-        summary = run(scene, lattices=4, **options).summary
+        summary = run(SCENE, lattices=4, **options).summary
         assert "lattices" not in summary
         assert "have no seed" in summary["notes"][0]
-        assert "notes" not in run(scene, lattices=1, **options).summary
+        assert "notes" not in run(SCENE, lattices=1, **options).summary
 
 
 @pytest.mark.parametrize(
@@ -162,7 +159,7 @@ def test_a_lattice_without_a_result_is_reported_and_left_out(
         return plain(scene, **options)
 
     monkeypatch.setattr(lattices, "outcome_of", fails_at_5)
-    summary = run(load_scene("exponential_wall").with_(SMALL), lattices=4).summary
+    summary = run(SCENE, lattices=4).summary
     assert summary["lattices"]["seeds"] == [3, 4, 6]
     assert len(summary["lattices"]["restitution"]["values"]) == 3
     assert summary["warnings"] == [
@@ -176,26 +173,24 @@ def test_an_interrupt_during_another_lattice_ends_the_run(monkeypatch):
 
     monkeypatch.setattr(lattices, "outcome_of", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        run(load_scene("exponential_wall").with_(SMALL), lattices=4)
+        run(SCENE, lattices=4)
 
 
 @pytest.mark.parametrize("count", [0, -1, 2.5, "8", 10_001])
 def test_the_number_of_lattices_must_be_whole(count):
-    with pytest.raises(
-        InputError, match="lattices: must be a whole number from 1 to 10,000, not"
-    ):
-        run(load_scene("exponential_wall").with_(SMALL), lattices=count)
+    whole = "lattices: must be a whole number from 1 to 10,000, not"
+    with pytest.raises(InputError, match=whole):
+        run(SCENE, lattices=count)
 
 
 @pytest.mark.validate
 def test_line_card_and_plot_begin_with_the_mean():
-    scene = load_scene("exponential_wall").with_(SMALL)
-    result = run(scene, lattices=4)
+    result = run(SCENE, lattices=4)
     title = result.plot()._suptitle.get_text()
     quoted = re.search(r"restitution e (0\.\d+)", repr(result))[1]
     half_width = 0.5 * (result.interval_95[1] - result.interval_95[0])
     assert float(quoted) == pytest.approx(result.mean, abs=0.05 * half_width)
     assert quoted in result._repr_html_()
     assert quoted in title
-    alone = run(scene, lattices=1).plot()
+    alone = run(SCENE, lattices=1).plot()
     assert "lattices" not in alone._suptitle.get_text()
