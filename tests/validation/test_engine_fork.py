@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
+FORK = ("taichi-forge==0.7.0", "taichi-forge-runtime==0.7.0")
 SCENES = {
     "exponential_wall": (
         "--set=lattice.points=200",
@@ -27,65 +28,45 @@ SCENES = {
 }
 
 
+pytestmark = pytest.mark.validate
+
+
 @pytest.fixture(scope="module")
 def fork(tmp_path_factory):
     """Return a Python in its own environment, with all packages of this one and the
     fork, but without Taichi."""
     folder = tmp_path_factory.mktemp("fork")
     subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
-    python = folder / "bin" / "python"
-    install = [
-        str(python),
-        "-m",
-        "pip",
-        "install",
-        "--quiet",
-        "--no-deps",
-        "taichi-forge==0.7.0",
-    ]
-    subprocess.run(
-        [*install, "taichi-forge-runtime==0.7.0", "dill", "colorama"], check=True
-    )
+    python = str(folder / "bin" / "python")
+    install = [python, "-m", "pip", "install", "--quiet"]
+    subprocess.run([*install, "--no-deps", *FORK, "dill", "colorama"], check=True)
     (site,) = folder.glob("lib/python*/site-packages")
-    (site / "zz_others.pth").write_text(
-        "\n".join(folder for folder in sys.path if folder.endswith("-packages")) + "\n"
-    )
+    packages = [path for path in sys.path if path.endswith("-packages")]
+    (site / "zz_others.pth").write_text("\n".join(packages) + "\n")
     (site / "sitecustomize.py").write_text(
         'import sys\nsys.modules["taichi"] = None  # as if it were not installed\n'
     )
-    return str(python)
+    return python
 
 
-@pytest.mark.validate
+def ended(*command):
+    """Return a process that has ended well, with what it printed."""
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done
+
+
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_fork_computes_bitwise_the_same_and_films_with_hard_lines(
     fork, scene, tmp_path
 ):
     outputs = []
     for name, python in (("taichi", sys.executable), ("taichi-forge", fork)):
-        out = str(tmp_path / name)
-        command = [
-            python,
-            "-m",
-            "taichi_disk",
-            "run",
-            scene,
-            "--out",
-            out,
-            *SCENES[scene],
-        ]
-        done = subprocess.run(
-            command,
-            env=os.environ | {"PYTHONPATH": str(ROOT)},
-            capture_output=True,
-            text=True,
-        )
-        assert done.returncode == 0, done.stderr
-        outputs.append(done.stderr)
-        assert (
-            name
-            in json.loads((tmp_path / name / "summary.json").read_text())["versions"]
-        )
+        out = tmp_path / name
+        run = (python, "-m", "taichi_disk", "run", scene, "--out", str(out))
+        outputs.append(ended(*run, *SCENES[scene]).stderr)
+        assert name in json.loads((out / "summary.json").read_text())["versions"]
     assert outputs[0] == outputs[1]
     for file in ("final.npz", "timeseries.csv"):
         computed = (tmp_path / "taichi" / file).read_bytes()
@@ -93,9 +74,8 @@ def test_the_fork_computes_bitwise_the_same_and_films_with_hard_lines(
     if scene == "exponential_wall":
         # The fork's window keeps its own shaders, which draw springs as hard lines.
         film = (tmp_path / "taichi" / "video.mp4").stat().st_size
-        assert (
-            film < (tmp_path / "taichi-forge" / "video.mp4").stat().st_size < 9 * film
-        )
+        other = (tmp_path / "taichi-forge" / "video.mp4").stat().st_size
+        assert film < other < 9 * film
 
 
 STEP = """
@@ -117,19 +97,9 @@ print(min(times))
 """
 
 
-@pytest.mark.validate
 def test_a_step_of_the_fork_takes_as_long_as_taichis(fork):
     # by default, which compiles faster, it takes eleven times as long
-    seconds = [
-        float(
-            subprocess.run(
-                [python, "-c", STEP],
-                env=os.environ | {"PYTHONPATH": str(ROOT)},
-                capture_output=True,
-                text=True,
-                check=True,
-            ).stdout
-        )
-        for python in (sys.executable, fork)
-    ]
-    assert seconds[1] < 1.5 * seconds[0]
+    own, other = (
+        float(ended(python, "-c", STEP).stdout) for python in (sys.executable, fork)
+    )
+    assert other < 1.5 * own

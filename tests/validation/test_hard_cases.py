@@ -7,28 +7,19 @@ from collections import Counter
 
 import pytest
 
-from taichi_disk.simulation.simulation import KernelCache
-
-from .hard_cases import CASES, Case
+from .hard_cases import CASES
 from .random_scenes import ShortOnly, fate
 
-LONG = pytest.mark.validate
+pytestmark = pytest.mark.validate
 
 
-@pytest.mark.parametrize(
-    "case",
-    [
-        pytest.param(case, id=case.name, marks=() if case.quick else LONG)
-        for case in CASES
-    ],
-)
-@pytest.mark.validate
-def test_a_hard_case_ends_as_it_should(case: Case, kernels: KernelCache) -> None:
-    assert case.failings(case.judge(kernels)) == []
+@pytest.mark.usefixtures("kernels")
+@pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
+def test_a_hard_case_ends_as_it_should(case):
+    assert case.failings(case.judge()) == []
 
 
-@LONG
-def test_random_scenes_end_well_or_say_why(kernels: KernelCache) -> None:
+def test_random_scenes_end_well_or_say_why(kernels):
     short = ShortOnly(kernels, 1e7)
     found = {number: fate(number, short) for number in range(100)}
     assert {number: fault for number, (_, fault) in found.items() if fault} == {}
