@@ -14,7 +14,7 @@ from taichi_disk.output.files import versions
 from . import commands, kernel, page, precision
 
 Part = Callable[..., Iterator[str]]  # arguments: number of turns, settings
-PARTS: dict[str, tuple[Part, str]] = {
+PARTS = {
     "kernel": (kernel.kernel, "ns per spring and step, by what the scene models"),
     "run": (kernel.run, "a run's simulation beside the bare kernel"),
     "start-up": (commands.start_up, "commands that compute nothing"),
@@ -34,7 +34,7 @@ PARTS: dict[str, tuple[Part, str]] = {
 }
 
 
-def main() -> None:
+def main():
     listed = "\n".join(f"  {name:<10}{what}" for name, (_, what) in PARTS.items())
     parser = argparse.ArgumentParser(
         prog="python -m tests.benchmarks",

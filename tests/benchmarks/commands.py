@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
@@ -13,12 +12,12 @@ from .kernel import Impact
 from .timing import in_turn, seconds_of_python, table
 
 
-def command(name: str, scene: str, settings: tuple[str, ...]) -> list[str]:
+def command(name, scene, settings):
     options = [f"--set={setting}" for setting in settings]
     return ["-m", "taichi_disk", name, scene, *options]
 
 
-def start_up(repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
+def start_up(repeats, settings):
     """Measure commands that compute nothing, compared with Python itself."""
     lines = {
         "python": ["-c", ""],
@@ -29,7 +28,7 @@ def start_up(repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
     yield from table("start-up", in_turn(runs, repeats))
 
 
-def film(repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
+def film(repeats, settings):
     """Measure `run exponential_wall` with its film: once with empty caches, then warm,
     with and without a film."""
     with tempfile.TemporaryDirectory() as folder:
@@ -46,7 +45,7 @@ def film(repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
     yield f"  {'caches empty':<60}{'':8}{cold:9.3g}"
 
 
-def sweep(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
+def sweep(_repeats, settings):
     """Measure once the sweeps of figures 3 and 6 in one process and in two, and the
     bare steps of their impacts."""
     for name in ("figure3", "figure6"):
@@ -61,7 +60,7 @@ def sweep(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
         yield from table(f"sweep {name}", costs)
 
 
-def bare_steps(folder: Path) -> float:
+def bare_steps(folder):
     """Return the time that the steps of a sweep's scenes alone take [s], each scene in
     one launch."""
     kernels = KernelCache()

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from functools import partial
-from pathlib import Path
 from time import perf_counter
-from typing import Any
 
 from taichi_disk.computation.driver import Driver
 from taichi_disk.computation.outcome import compute
@@ -34,7 +31,7 @@ class Impact:
         work: springs times steps, in 10^9.
     """
 
-    def __init__(self, kernels: KernelCache, scene: str | Path, *settings: str) -> None:
+    def __init__(self, kernels, scene, *settings):
         self.kernels = kernels
         self.scenario = load_scene(scene, settings).scenario()
         summary = compute(self.scenario, estimate=False).summary
@@ -45,13 +42,13 @@ class Impact:
         self.work = 1e-9 * len(self.scenario.lattice.bonds) * self.steps
         self.spectrum = spectrum(self.scenario.lattice, self.scenario.model)
 
-    def cost(self, run: Callable[[], Any]) -> float:
+    def cost(self, run):
         """Return the cost of a run of all steps [ns per spring and step]."""
         began = perf_counter()
         run()
         return (perf_counter() - began) / self.work
 
-    def bare(self) -> float:
+    def bare(self):
         """Return the cost of the steps in one launch."""
         scenario = self.scenario
         simulation = self.kernels.simulation(
@@ -63,11 +60,11 @@ class Impact:
         )
         return self.cost(partial(simulation.advance, self.steps, self.steps))
 
-    def driven(self) -> float:
+    def driven(self):
         """Return the cost of the steps with everything that a run does around them,
         except start-up and compiling."""
 
-        def drive() -> None:
+        def drive():
             control = StepControl(self.scenario, self.spectrum)
             has_finished = False
             while not has_finished:
@@ -78,7 +75,7 @@ class Impact:
         return self.cost(drive)
 
 
-def kernel(repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
+def kernel(repeats, settings):
     """Measure whole impacts in one launch each, for several models."""
     kernels = KernelCache()
     scenes = {
@@ -98,7 +95,7 @@ def kernel(repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
     yield from table("one core, whole impacts", in_turn(runs, repeats), NS)
 
 
-def run(repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
+def run(repeats, settings):
     """The simulation of `run` beside the bare steps in one launch."""
     kernels = KernelCache()
     whole = "driver: from the scenario to its end"

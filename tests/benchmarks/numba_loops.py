@@ -9,20 +9,18 @@ divisions become vector instructions; separate arrays for x and y.)
 from __future__ import annotations
 
 from math import exp, sqrt
-from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 
-def leapfrog(impact: Any) -> NDArray[np.float64]:
+def leapfrog(impact):
     """Step an impact on the rigid wall by velocity Verlet, and return positions [R] and
     velocities [c] (2, n, 2) at the end."""
     return _stepped(impact, correction=0.0)
 
 
-def takahashi_imada(impact: Any) -> NDArray[np.float64]:
+def takahashi_imada(impact):
     """Step an undamped impact as the program's `takahashi_imada` does: leapfrog with
     the force at x + (h^2/12) F(x)/m. Returns (2, n, 2) as `leapfrog` does."""
     # The flight starts and ends far from the wall, where x and the transformed
@@ -31,7 +29,7 @@ def takahashi_imada(impact: Any) -> NDArray[np.float64]:
     return _stepped(impact, correction=impact.dt**2 / (12.0 * mass))
 
 
-def _stepped(impact: Any, correction: float) -> NDArray[np.float64]:
+def _stepped(impact, correction):
     scenario = impact.scenario
     h = impact.dt
     lattice = scenario.lattice
@@ -58,7 +56,7 @@ def _stepped(impact: Any, correction: float) -> NDArray[np.float64]:
 
 
 @numba.njit(fastmath=True, error_model="numpy", cache=True)
-def _forces(x: Any, u: Any, f: Any, first: Any, second: Any, rest: Any, numbers: Any):  # type: ignore[no-untyped-def]
+def _forces(x, u, f, first, second, rest, numbers):
     """Write the forces at positions x and velocities u (n, 2) to f (n, 2)."""
     k_a, k_b, eta, a, V0, reach = numbers
     for i in range(len(x)):
@@ -87,17 +85,8 @@ def _forces(x: Any, u: Any, f: Any, first: Any, second: Any, rest: Any, numbers:
 
 @numba.njit(fastmath=True, error_model="numpy", cache=True)
 def _step(  # noqa: PLR0913 (Numba takes arrays one by one)
-    x: Any,
-    v: Any,
-    first: Any,
-    second: Any,
-    rest: Any,
-    mass: float,
-    h: float,
-    steps: int,
-    numbers: Any,
-    correction: float,
-) -> Any:
+    x, v, first, second, rest, mass, h, steps, numbers, correction
+):
     """Step x and v (n, 2) in place, v to half a step before the end, and return the
     force. If `correction` is not 0, the force is that at x + correction F(x)."""
     eta = numbers[2]

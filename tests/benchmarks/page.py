@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import multiprocessing
 import time
-from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from itertools import pairwise
 from statistics import median, quantiles
@@ -23,7 +22,7 @@ BROWSED = 4.0  # time of the measurement on the page [s]; no scene ends sooner
 COUNTED = 200  # number of states that are measured
 
 
-def page(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
+def page(_repeats, settings):
     """Measure many pages at once, the states per second that Chromium draws, and the
     server's processor time for a state."""
     from tests.browser import MISSING
@@ -47,7 +46,7 @@ def page(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
         yield f"states a second: not measured: {MISSING}"
 
 
-def states(scene: str, settings: tuple[str, ...]) -> tuple[float, int]:
+def states(scene, settings):
     """Return the server's processor time for a state without the computation [s], and
     the bytes of a state."""
     from taichi_disk import runtime
@@ -63,14 +62,14 @@ def states(scene: str, settings: tuple[str, ...]) -> tuple[float, int]:
     stepping = 0.0
     advance = session.sandbox.advance
 
-    def stepped(*given: float) -> int:
+    def stepped(*given):
         nonlocal stepping
         began = time.process_time()
         made = advance(*given)
         stepping += time.process_time() - began
         return made
 
-    session.sandbox.advance = stepped  # type: ignore[method-assign]
+    session.sandbox.advance = stepped
     session.hear({"do": "press", "key": "space"})
     for _ in range(COUNTED // 4):
         session.advance()
@@ -82,7 +81,7 @@ def states(scene: str, settings: tuple[str, ...]) -> tuple[float, int]:
     return of_all / COUNTED, len(session.messages["state"])
 
 
-def browse(scene: str, settings: tuple[str, ...]) -> list[float]:
+def browse(scene, settings):
     """Return the times between the pictures of a page [s], while its scene moves."""
     from tests.browser import Browser
 

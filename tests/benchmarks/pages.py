@@ -10,12 +10,10 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
-from typing import Any
 
 from websockets.asyncio.client import connect
 
@@ -28,7 +26,7 @@ PERIOD = 1.0 / 60.0  # of a screen [s]
 # After the disk's end the page begins again, not before this time [s].
 RESTART = 0.5
 # what the last page does in the second half, and how long others may wait then
-COMMANDS: tuple[dict[str, Any], ...] = (
+COMMANDS = (
     {"do": "play", "number": 1},  # Backspin
     {"do": "press", "key": "l"},
     {"do": "set", "key": "lattice.points", "value": 5000},
@@ -45,18 +43,15 @@ class Page:
         times: when states arrived whose disk had moved [s].
     """
 
-    def __init__(self) -> None:
-        self.times: list[float] = []
-        self._panel: dict[str, Any] = {}
+    def __init__(self):
+        self.times = []
+        self._panel = {}
         self._last = (0, 0.0)  # number and time of the last state
         self._pressed = 0.0
 
-    async def play(self, address: str, origin: str) -> None:
+    async def play(self, address, origin):
         async with connect(
-            address,
-            origin=origin,  # type: ignore[arg-type]
-            max_size=None,
-            compression=None,
+            address, origin=origin, max_size=None, compression=None
         ) as self.connection:
             answering = asyncio.create_task(self._answer())
             try:
@@ -65,10 +60,10 @@ class Page:
             finally:
                 answering.cancel()
 
-    async def say(self, **message: Any) -> None:
+    async def say(self, **message):
         await self.connection.send(json.dumps(message))
 
-    async def _answer(self) -> None:
+    async def _answer(self):
         """Acknowledge the last state with each picture of the screen."""
         told = 0
         while True:
@@ -78,7 +73,7 @@ class Page:
                 told = number
                 await self.say(do="seen", number=number)
 
-    async def _take(self, message: Any) -> None:
+    async def _take(self, message):
         if isinstance(message, str):
             content = json.loads(message)
             if content["kind"] == "panel":
@@ -95,13 +90,13 @@ class Page:
                 await self.say(do="press", key="r")
             await self.say(do="press", key="space")
 
-    def gaps(self, begin: float, end: float) -> list[float]:
+    def gaps(self, begin, end):
         inside = [one for one in self.times if begin <= one <= end]
         # a restart takes two pictures more
         return [b - a for a, b in pairwise(inside)]
 
 
-def pages(settings: tuple[str, ...]) -> Iterator[str]:
+def pages(settings):
     """Measure states a second of each of many pages, the longest gap, and memory; then
     the longest gap of the others while one page changes scenes and lattices."""
     yield (
@@ -113,7 +108,7 @@ def pages(settings: tuple[str, ...]) -> Iterator[str]:
 
 
 @contextmanager
-def served(*words: str) -> Iterator[tuple[int, str]]:
+def served(*words):
     """Yield the process of `taichi-disk view` with these arguments, and its address."""
     command = [sys.executable, "-m", "taichi_disk", "view", "--no-open", *words]
     program = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
@@ -127,13 +122,13 @@ def served(*words: str) -> Iterator[tuple[int, str]]:
         program.wait()
 
 
-def _used(pid: int) -> float:
+def _used(pid):
     """Return the processor time of a process [s]."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-async def _compiled(pid: int) -> None:
+async def _compiled(pid):
     """Wait until a program that nobody uses has compiled its kernels."""
     used = -1.0
     while _used(pid) > used + 0.1:
@@ -141,14 +136,14 @@ async def _compiled(pid: int) -> None:
         await asyncio.sleep(2.0)
 
 
-async def _measured(count: int, settings: tuple[str, ...]) -> str:
+async def _measured(count, settings):
     words = [f"--set={one}" for one in settings]
     with served("--host", "0.0.0.0", *words) as (pid, root):
         await _compiled(pid)
         return await _watched(count, pid, root)
 
 
-async def _watched(count: int, pid: int, root: str) -> str:
+async def _watched(count, pid, root):
     address = root.replace("http", "ws", 1) + "socket"
     origin = root.rpartition("/")[0].rpartition("/")[0]
     tasks = []

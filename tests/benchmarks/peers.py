@@ -16,16 +16,13 @@ from __future__ import annotations
 import ctypes
 import json
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
-from taichi_disk.lattice import Array
 from taichi_disk.scenes import load_scene
 
 # SciPy's implicit solvers take up to a minute for an impact of 1,099 points: they
@@ -34,7 +31,7 @@ SLOW = ("Radau", "BDF")
 MAX_SECONDS = 20.0  # of all turns; there are fewer if they take longer
 
 
-def read(file: str) -> list[Any]:
+def read(file):
     """Return the impacts of a file: `settings` of the scene with `impact.gap`, `end`:
     time at which the disk has left [R/c], `limit`: largest stable step of velocity
     Verlet [R/c], `is_timed`."""
@@ -42,7 +39,7 @@ def read(file: str) -> list[Any]:
     return [SimpleNamespace(**one) for one in found]
 
 
-def start_of(settings: list[str]) -> Any:
+def start_of(settings):
     """Return the lattice at the gap, velocities, springs and wall, without importing
     Taichi."""
     scene = load_scene("exponential_wall", settings)
@@ -62,7 +59,7 @@ def start_of(settings: list[str]) -> Any:
     )
 
 
-def rate_of(start: Any) -> Callable[[float, Array], Array]:
+def rate_of(start):
     """Return the time derivative of the state y: (n, 2) positions and then (n, 2)
     velocities; it sums over springs with sparse matrices."""
     from scipy.sparse import csr_array
@@ -78,7 +75,7 @@ def rate_of(start: Any) -> Callable[[float, Array], Array]:
     rest = lattice.rest_lengths
     mass = lattice.masses[0]
 
-    def rate(_t: float, y: Array) -> Array:
+    def rate(_t, y):
         x = y[: 2 * n].reshape(n, 2)
         v = y[2 * n :]
         d = differences @ x
@@ -95,7 +92,7 @@ def rate_of(start: Any) -> Callable[[float, Array], Array]:
     return rate
 
 
-def by_scipy(start: Any, method: str, rtol: float, end: float, **options: Any) -> Array:
+def by_scipy(start, method, rtol, end, **options):
     """Return positions and velocities (2, n, 2) at the end by `solve_ivp`."""
     from scipy.integrate import solve_ivp
 
@@ -117,21 +114,21 @@ def by_scipy(start: Any, method: str, rtol: float, end: float, **options: Any) -
     return np.asarray(found.y[:, -1].reshape(2, -1, 2))
 
 
-def dop853(start: Any, rtol: float, end: float) -> Array:
+def dop853(start, rtol, end):
     return by_scipy(start, "DOP853", rtol, end)
 
 
-def implicit(method: str) -> Callable[[Any, float, float], Array]:
+def implicit(method):
     """Return the solver `method` of SciPy with the sparse Jacobian of the unstrained
     lattice and of the wall."""
 
-    def solve(start: Any, rtol: float, end: float) -> Array:
+    def solve(start, rtol, end):
         return by_scipy(start, method, rtol, end, jac=jacobian_of(start))
 
     return solve
 
 
-def jacobian_of(start: Any) -> Callable[[float, Array], Any]:
+def jacobian_of(start):
     """Return the function of time and state that gives the derivative of `rate_of`, (4
     n, 4 n)."""
     from scipy.sparse import block_array, csc_array, diags_array, eye_array, kron
@@ -148,7 +145,7 @@ def jacobian_of(start: Any) -> Callable[[float, Array], Any]:
     )
     dashpots = springs.eta * kron(laplacian(lattice), eye_array(2))
 
-    def jacobian(_t: float, y: Array) -> Any:
+    def jacobian(_t, y):
         height = y[1 : 2 * n : 2]
         near = height < wall.reach
         added = np.zeros(2 * n)
@@ -160,10 +157,10 @@ def jacobian_of(start: Any) -> Callable[[float, Array], Any]:
     return jacobian
 
 
-def numba(method: str) -> Callable[[Any, float, float], Array]:
+def numba(method):
     """Return Numba's loops `leapfrog` or `takahashi_imada`, compiled before."""
 
-    def solve(start: Any, dt: float, end: float) -> Array:
+    def solve(start, dt, end):
         from . import numba_loops
 
         steps = round(end / dt)
@@ -173,7 +170,7 @@ def numba(method: str) -> Callable[[Any, float, float], Array]:
     return solve
 
 
-def lammps(start: Any, dt: float, end: float) -> Array:
+def lammps(start, dt, end):
     """Return positions and velocities (2, n, 2) at the end by LAMMPS.
 
     The bonds have class 2, each with its own type: E = K_2 s^2 + K_4 s^4. The wall is
@@ -232,7 +229,7 @@ fix wall all wall/morse ylo 0.0 {depth} {wall.a / 2} {far} {wall.reach} units bo
     return np.array([run.numpy.extract_atom(name)[:n, :2] for name in ("x", "v")])
 
 
-def nothing(start: Any, _number: float, _end: float) -> Array:
+def nothing(start, _number, _end):
     return np.array([start.lattice.positions, start.velocities])
 
 
@@ -250,7 +247,7 @@ BY_STEP = {
 }
 
 
-def computed(program: str, number: float, impact: Any, start: Any) -> float:
+def computed(program, number, impact, start):
     """Return e of an impact."""
     if program in BY_STEP:
         state = BY_STEP[program](start, number * impact.limit, impact.end)
@@ -259,7 +256,7 @@ def computed(program: str, number: float, impact: Any, start: Any) -> float:
     return restitution(start, *state)
 
 
-def main(program: str, number: str, turns: str, file: str) -> None:
+def main(program, number, turns, file):
     impacts = read(file)
     if program in SLOW:
         impacts = [impact for impact in impacts if impact.is_timed]
@@ -269,7 +266,7 @@ def main(program: str, number: str, turns: str, file: str) -> None:
         return
     starts = [start_of(impact.settings) for impact in impacts]
 
-    def solve(k: int) -> float:
+    def solve(k):
         return computed(program, float(number), impacts[k], starts[k])
 
     began = perf_counter()
@@ -283,13 +280,13 @@ def main(program: str, number: str, turns: str, file: str) -> None:
     print(json.dumps({"values": values, "seconds": seconds}))
 
 
-def restitution(start: Any, x: Array, v: Array) -> float:
+def restitution(start, x, v):
     """Return the ratio of the speeds far from the wall, from positions and velocities
     (n, 2) at the end."""
     wall = start.model.wall
 
     # twice that of the flight, which includes the wall's potential
-    def energy(x: Array, v: Array) -> Any:
+    def energy(x, v):
         return v[:, 1].mean() ** 2 + 2.0 * wall.V0 * np.exp(-wall.a * x[:, 1]).sum()
 
     return float(
@@ -297,10 +294,10 @@ def restitution(start: Any, x: Array, v: Array) -> float:
     )
 
 
-def seconds_of(act: Callable[[], object], impacts: int, turns: int) -> list[float]:
+def seconds_of(act, impacts, turns):
     """Return the wall clock of an impact [s] in each of `turns` calls of `act`, which
     computes `impacts` impacts, or of fewer calls if they take MAX_SECONDS together."""
-    seconds: list[float] = []
+    seconds = []
     while len(seconds) < turns and impacts * sum(seconds) < MAX_SECONDS:
         began = perf_counter()
         act()

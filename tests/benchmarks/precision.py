@@ -10,14 +10,12 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 from itertools import product
 from math import log, sqrt
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -94,12 +92,7 @@ class Measured:
     further: list[float]
 
 
-def precision(
-    repeats: int,
-    settings: tuple[str, ...],
-    figure: Path | None = None,
-    lattices: int = LATTICES,
-) -> Iterator[str]:
+def precision(repeats, settings, figure=None, lattices=LATTICES):
     """Yield a Markdown table, and draw it as a diagram into the file `figure`."""
     impacts = sample(settings, lattices)
     truths = [truth(impact) for impact in impacts]
@@ -136,7 +129,7 @@ def precision(
 # ---- the impacts
 
 
-def sample(settings: tuple[str, ...], lattices: int) -> list[dict[str, Any]]:
+def sample(settings, lattices):
     """Return the impacts, as `peers.read` expects them; those of the first lattice are
     timed."""
     found = []
@@ -149,18 +142,13 @@ def sample(settings: tuple[str, ...], lattices: int) -> list[dict[str, Any]]:
             given.append(f"impact.gap={gap!r}")
             scene = load_scene(RIGID, [*given, f"time.integrator={VERLET}"])
             outcome = compute(scene.scenario(), estimate=False)
-            found.append(
-                {
-                    "settings": given,
-                    "end": float(outcome.series["t"][-1]),
-                    "limit": outcome.summary["dt_limit"],
-                    "is_timed": seed == 0,
-                }
-            )
+            impact = {"settings": given, "end": float(outcome.series["t"][-1])}
+            impact |= {"limit": outcome.summary["dt_limit"], "is_timed": seed == 0}
+            found.append(impact)
     return found
 
 
-def gap_at(scene: Any, potential: float) -> float:
+def gap_at(scene, potential):
     """Return the height of the lowest point [R] at which the wall's potential is the
     kinetic energy times `potential`."""
     body = scene.body()
@@ -169,29 +157,27 @@ def gap_at(scene: Any, potential: float) -> float:
     return float(scene.wall.height_of(energy, heights - heights.min()))
 
 
-def truth(impact: dict[str, Any]) -> float:
+def truth(impact):
     """Return e of a flight that starts and ends at a smaller potential."""
     start = start_of(impact["settings"])
     lift = log(FARTHER) / start.model.wall.a
     gap = load_scene(RIGID, impact["settings"]).impact.gap + lift
     start = start_of([*impact["settings"][:-1], f"impact.gap={gap!r}"])
     end = impact["end"] + 2.5 * lift / start.speed
-
     return restitution(start, *dop853(start, 1e-12, end))
 
 
 # ---- the programs
 
-Measure = Callable[[int, list[float]], Measured]
 PEERS = ("-m", "tests.benchmarks.peers")
 
 
-def is_damped(impacts: list[dict[str, Any]]) -> bool:
+def is_damped(impacts):
     scene = load_scene(RIGID, impacts[0]["settings"])
     return scene.material.eta(scene.lattice.points) > 0.0
 
 
-def own_runs(impacts: list[dict[str, Any]], folder: Path) -> Iterator[Measure]:
+def own_runs(impacts, folder):
     """Yield the measurements of `run`: by step and by tolerance as a user calls it, and
     by step without the second run, as the other programs compute."""
     methods = (VERLET, TRAPEZOIDAL) if is_damped(impacts) else (VERLET, IMADA)
@@ -202,17 +188,14 @@ def own_runs(impacts: list[dict[str, Any]], folder: Path) -> Iterator[Measure]:
             (f"tolerance {limit:.0e}", f"time.tolerance={limit:.1e}")
             for limit in TOLERANCES[method]
         ]
-        for setting, key in (*by_step, *by_tolerance):
+        own = [(*one, folder / "run") for one in (*by_step, *by_tolerance)]
+        own += [(*one, None) for one in by_step]
+        for setting, key, out in own:
             keys = [f"time.integrator={method}", key]
-            yield partial(run_measured, impacts, method, setting, keys, folder)
-        for setting, key in by_step:
-            keys = [f"time.integrator={method}", key]
-            yield partial(bare_measured, impacts, method, setting, keys)
+            yield partial(run_measured, impacts, method, setting, keys, out)
 
 
-def scenes_of(
-    impacts: list[dict[str, Any]], keys: list[str]
-) -> tuple[list[Any], list[Any]]:
+def scenes_of(impacts, keys):
     """Return the scenes of all impacts with these keys, and of the timed ones."""
     scenes = []
     timed = []
@@ -224,70 +207,37 @@ def scenes_of(
     return scenes, timed
 
 
-def run_measured(
-    impacts: list[dict[str, Any]],
-    method: str,
-    setting: str,
-    keys: list[str],
-    folder: Path,
-    repeats: int,
-    truths: list[float],
-) -> Measured:
+def run_measured(impacts, method, setting, keys, out, repeats, truths):
+    """Measure the impacts as a user computes them; if `out` is None, without a second
+    run and without a command."""
     scenes, timed = scenes_of(impacts, keys)
-    results = [run(scene, lattices=1) for scene in scenes]
-    out = folder / "run"
-    line = [
-        "-m",
-        "taichi_disk",
-        "run",
-        RIGID,
-        "--no-video",
-        "--lattices=1",
-        "--overwrite",
-    ]
-    line += ["--out", str(out)]
-    line += [f"--set={one}" for one in (*impacts[0]["settings"], *keys)]
+
+    def solve(scene):
+        if out is None:
+            return outcome_of(scene, estimate=False).summary["restitution"], None
+        result = run(scene, lattices=1)
+        return result.restitution, result.error
+
+    values, estimates = zip(*[solve(scene) for scene in scenes], strict=True)
+    seconds = []
+    if out is not None:
+        line = ["-m", "taichi_disk", "run", RIGID, "--no-video", "--lattices=1"]
+        line += ["--overwrite", "--out", str(out)]
+        line += [f"--set={one}" for one in (*impacts[0]["settings"], *keys)]
+        seconds = command_seconds(line, repeats)
     return Measured(
         program=f"run, {NAMES[method]}",
         setting=setting,
-        has_second_run=all(result.error is not None for result in results),
-        error=rms([result.restitution for result in results], truths),
-        command=command_seconds(line, repeats),
-        further=seconds_of(
-            lambda: [run(scene, lattices=1) for scene in timed], len(timed), repeats
-        ),
-    )
-
-
-def bare_measured(
-    impacts: list[dict[str, Any]],
-    method: str,
-    setting: str,
-    keys: list[str],
-    repeats: int,
-    truths: list[float],
-) -> Measured:
-    """Measure the impacts without a second run and without a command."""
-    scenes, timed = scenes_of(impacts, keys)
-
-    def solve(scene: Any) -> float:
-        outcome = outcome_of(scene, estimate=False)
-        return float(outcome.summary["restitution"])
-
-    values = [solve(scene) for scene in scenes]
-    return Measured(
-        program=f"run, {NAMES[method]}",
-        setting=setting,
-        has_second_run=False,
+        has_second_run=None not in estimates,
         error=rms(values, truths),
-        command=[],
+        command=seconds,
         further=seconds_of(
             lambda: [solve(scene) for scene in timed], len(timed), repeats
         ),
     )
 
 
-def peers(impacts: list[dict[str, Any]], file: Path) -> Iterator[Measure]:
+def peers(impacts, file):
     choices = []
     if is_damped(impacts):
         by_step = ["Numba"]
@@ -306,19 +256,12 @@ def peers(impacts: list[dict[str, Any]], file: Path) -> Iterator[Measure]:
         yield partial(peer_measured, program, setting, number, file)
 
 
-def peer_measured(
-    program: str,
-    setting: str,
-    number: float,
-    file: Path,
-    repeats: int,
-    truths: list[float],
-) -> Measured:
+def peer_measured(program, setting, number, file, repeats, truths):
     line = [*PEERS, program, repr(number)]
     printed, _ = by_python(*line, str(repeats), str(file))
     found = json.loads(printed)
     values = found["values"]
-    seconds: list[float] = []
+    seconds = []
     if program in SLOW:
         setting += f", {len(values)} impacts"
     else:
@@ -334,11 +277,11 @@ def peer_measured(
     )
 
 
-def command_seconds(arguments: list[str], repeats: int) -> list[float]:
+def command_seconds(arguments, repeats):
     return [seconds_of_python(*arguments) for _ in range(repeats)]
 
 
-def rms(values: list[float], truths: list[float]) -> float:
+def rms(values, truths):
     """Return the root mean square of the differences."""
     squares = [(one - true) ** 2 for one, true in zip(values, truths, strict=True)]
     return sqrt(sum(squares) / len(squares))
@@ -347,7 +290,7 @@ def rms(values: list[float], truths: list[float]) -> float:
 # ---- table and diagram
 
 
-def line_of(point: Measured) -> str:
+def line_of(point):
     error = "below $10^{-11}$"
     if point.error > FLOOR:
         digits, _, power = f"{point.error:.1e}".partition("e")
@@ -360,14 +303,14 @@ def line_of(point: Measured) -> str:
     )
 
 
-def spread(seconds: list[float], unit: float) -> str:
+def spread(seconds, unit):
     """Return the fastest and, in brackets, the slowest time."""
     if not seconds:
         return ""
     return f"{unit * min(seconds):.3g} ({unit * max(seconds):.3g})"
 
 
-def diagram(points: list[Measured]) -> Figure:
+def diagram(points):
     """Draw error over the time of a further impact, both logarithmic. Open: without a
     second run; crosses: with a tolerance. Readable at a width of 360 px."""
     with matplotlib_style(STYLE):
@@ -391,15 +334,10 @@ def diagram(points: list[Measured]) -> Figure:
     return figure
 
 
-def look_of(program: str, kind: str) -> dict[str, Any]:
+def look_of(program, kind):
     """Return label and style of the points of a program that are of this kind."""
     colour, marker = LOOK[program]
-    look: dict[str, Any] = {
-        "label": program,
-        "color": colour,
-        "marker": marker,
-        "ms": 7,
-    }
+    look = {"label": program, "color": colour, "marker": marker, "ms": 7}
     if kind == "tolerance":
         look |= {"label": f"{program}, tolerance", "linestyle": "", "marker": "x"}
         look |= {"ms": 8, "mew": 2}
@@ -408,7 +346,7 @@ def look_of(program: str, kind: str) -> dict[str, Any]:
     return look
 
 
-def kind_of(point: Measured) -> tuple[str, str]:
+def kind_of(point):
     if point.setting.startswith("tolerance"):
         return point.program, "tolerance"
     if point.has_second_run:

@@ -10,13 +10,21 @@ from pathlib import Path
 
 import pytest
 
-from .precision import Measured, diagram
+from taichi_disk import runtime
+
+from . import precision
+
+VERLET = "run, velocity Verlet"
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.validate
-def test_every_part_that_needs_no_window_prints_its_tables() -> None:
+def test_every_part_that_needs_no_window_prints_its_tables():
     tiny = ("--repeats=1", "--set=lattice.points=60", "--set=impact.velocity=0.05")
-    printed = benchmarks("kernel", "run", "start-up", *tiny)
+    line = [sys.executable, "-m", "tests.benchmarks", "kernel", "run", "start-up"]
+    ended = subprocess.run([*line, *tiny], capture_output=True, text=True, cwd=ROOT)
+    assert ended.returncode == 0, ended.stderr
+    printed = ended.stdout
     assert printed.count("ratio ") == 6
     assert "attempts: 1" in printed
 
@@ -25,17 +33,23 @@ def test_every_part_that_needs_no_window_prints_its_tables() -> None:
 @pytest.mark.parametrize(
     ("damping", "programs"),
     [
-        ("0", {"run, velocity Verlet", "run, Takahashi-Imada", "DOP853"}),
-        ("10", {"run, velocity Verlet", "run, implicit dashpots", "BDF", "Radau"}),
+        (0, {"run, velocity Verlet", "run, Takahashi-Imada", "DOP853"}),
+        (10, {"run, velocity Verlet", "run, implicit dashpots", "BDF", "Radau"}),
     ],
 )
 def test_every_program_finds_the_same_restitution(
-    damping: str, programs: set[str], tmp_path: Path
-) -> None:
+    damping, programs, tmp_path, monkeypatch
+):
+    # one step and one tolerance of each program
+    for name in ("FRACTIONS", "FEW_FRACTIONS"):
+        monkeypatch.setattr(precision, name, (0.4,))
+    for name in ("RTOLS", "TOLERANCES"):
+        first = {key: own[-1:] for key, own in vars(precision)[name].items()}
+        monkeypatch.setattr(precision, name, first)
     figure = tmp_path / "precision.png"
-    tiny = ("--lattices=1", "--repeats=1", "--set=lattice.points=60")
-    damped = f"--set=material.eta_star={damping}"
-    printed = benchmarks("precision", *tiny, damped, f"--figure={figure}")
+    tiny = ("lattice.points=60", f"material.eta_star={damping}")
+    runtime.start()
+    printed = "\n".join(precision.precision(1, tiny, figure, lattices=1))
     rows = [
         [cell.strip() for cell in line.split("|")[1:-1]]
         for line in printed.splitlines()
@@ -45,22 +59,21 @@ def test_every_program_finds_the_same_restitution(
     assert figure.exists()
     for row in rows:
         found = re.fullmatch(r"\$.*10\^{(-\d+)}\$", row[3])
-        assert "below" in row[3] or int(found[1]) <= -4, row  # type: ignore[index]
+        assert "below" in row[3] or int(found[1]) <= -4, row
     # the second run is told apart: with and without it the error is the same
-    both = {
-        (*row[:2], row[2]): row[3] for row in rows if row[0] == "run, velocity Verlet"
-    }
-    key = ("run, velocity Verlet", "safety 0.8")
-    assert both[(*key, "yes")] == both[(*key, "no")]
+    both = {row[2]: row[3] for row in rows if row[:2] == [VERLET, "safety 0.4"]}
+    assert both["yes"] == both["no"]
 
 
-def test_the_numbers_along_the_diagram_do_not_overlap() -> None:
+def test_the_numbers_along_the_diagram_do_not_overlap():
     times = (0.021, 0.182, 0.74)  # less than two decades
     points = [
-        Measured("Numba", "step", False, error=1e-6, command=[], further=[time])
+        precision.Measured(
+            "Numba", "step", False, error=1e-6, command=[], further=[time]
+        )
         for time in times
     ]
-    axes = diagram(points).axes[0]
+    axes = precision.diagram(points).axes[0]
     low, high = axes.get_xlim()
     boxes = [
         label.get_window_extent()
@@ -71,13 +84,3 @@ def test_the_numbers_along_the_diagram_do_not_overlap() -> None:
     assert len(boxes) >= 3
     assert not any(label.get_text() for label in minor)
     assert all(left.x1 < right.x0 for left, right in pairwise(boxes))
-
-
-def benchmarks(*arguments: str) -> str:
-    """Return the printed output."""
-    line = [sys.executable, "-m", "tests.benchmarks", *arguments]
-    ended = subprocess.run(
-        line, capture_output=True, text=True, cwd=Path(__file__).parents[2]
-    )
-    assert ended.returncode == 0, ended.stderr
-    return ended.stdout

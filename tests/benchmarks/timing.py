@@ -5,14 +5,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping
 from statistics import median
 from time import perf_counter
 
 Costs = dict[str, list[float]]
 
 
-def by_python(*arguments: str, **environment: str) -> tuple[str, float]:
+def by_python(*arguments, **environment):
     """Run Python with these arguments in a process of its own; return what it prints,
     and its wall clock [s]."""
     # DOP853 multiplies 13 long rows by a few numbers: on a busy machine two threads of
@@ -27,24 +26,22 @@ def by_python(*arguments: str, **environment: str) -> tuple[str, float]:
     return ended.stdout, seconds
 
 
-def seconds_of_python(*arguments: str, **environment: str) -> float:
+def seconds_of_python(*arguments, **environment):
     _printed, seconds = by_python(*arguments, **environment)
     return seconds
 
 
-def in_turn(runs: Mapping[str, Callable[[], float]], repeats: int) -> Costs:
+def in_turn(runs, repeats):
     """Return the costs of each run, called `repeats` times in turn (A B C A B C ...) to
     share disturbances."""
-    costs: Costs = {name: [] for name in runs}
+    costs = {name: [] for name in runs}
     for _ in range(repeats):
         for name, run in runs.items():
             costs[name].append(run())
     return costs
 
 
-def table(
-    title: str, costs: Costs, unit: str = "s", remarks: Mapping[str, str] | None = None
-) -> Iterator[str]:
+def table(title, costs, unit="s", remarks=None):
     """Yield a table of ratios to the first row (medians over the turns), and the
     smallest and median cost."""
     base = next(iter(costs.values()))
