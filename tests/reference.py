@@ -142,9 +142,9 @@ class Model:
             f[self.boundary] = 0.0
         return f
 
-    def solve(self, x, v, times, rtol=1e-11):
+    def solve(self, x, v, times, rtol=1e-11, method="DOP853"):
         """Return (x, v) at each of the `times`, which begin at the start: (times, 2, n,
-        2)."""
+        2). LSODA is quicker for strong dashpots of few points."""
 
         def rate(_t, y):
             x, v = y.reshape(2, *shape)
@@ -154,7 +154,7 @@ class Model:
         y = np.concatenate([x, v]).ravel()
         span = times[0], times[-1]
         found = solve_ivp(
-            rate, span, y, method="DOP853", rtol=rtol, atol=1e-3 * rtol, t_eval=times
+            rate, span, y, method, rtol=rtol, atol=1e-3 * rtol, t_eval=times
         )
         return found.y.T.reshape(-1, 2, *shape)
 

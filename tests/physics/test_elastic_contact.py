@@ -25,14 +25,20 @@ N = LATTICE.disk_points
 
 def forces(kernels, x, model=BARE):
     """Return the kernels' forces at rest with the points at `x`."""
+    body = replace(LATTICE, positions=x)
     still = np.zeros_like(x)
-    return (
-        kernels.simulation(
-            replace(LATTICE, positions=x), model, VELOCITY_VERLET, still, 1e-3
-        )
-        .snapshot()
-        .vectors[2]
-    )
+    simulation = kernels.simulation(body, model, VELOCITY_VERLET, still, 1e-3)
+    return simulation.snapshot().vectors[2]
+
+
+def rough(seed, roughness, reach):
+    """Return positions with a rough surface, and the disk moved along it by up to
+    `reach`. The surface stays ordered in x: a point is over at most one spring."""
+    rng = np.random.default_rng(seed)
+    x = LATTICE.positions + roughness * rng.uniform(-1, 1, LATTICE.positions.shape)
+    x[:N, 0] += rng.uniform(-reach, reach)
+    x[LATTICE.wall_surface, 0] = np.sort(x[LATTICE.wall_surface, 0])
+    return x
 
 
 @pytest.mark.parametrize("roughness", [0.0, 0.03, 0.06])
@@ -45,28 +51,22 @@ def test_every_point_finds_the_spring_below_it_and_force_and_torque_balance(
     plain = reference.Model(LATTICE, BARE)
     touching = 0
     for seed in range(12):
-        rng = np.random.default_rng(seed)
-        x = LATTICE.positions + roughness * rng.uniform(-1, 1, LATTICE.positions.shape)
-        x[:N, 0] += rng.uniform(-1.8, 1.8)
-        # The surface stays ordered in x: a point is over at most one spring.
-        x[LATTICE.wall_surface, 0] = np.sort(x[LATTICE.wall_surface, 0])
+        x = rough(seed, roughness, 1.8)
         expected = plain.wall_force(x)
         f = forces(kernels, x)
         rows = plain.contacts(x)
         scale = max(float(np.abs(expected).max()), 1.0)
         assert_allclose(f, expected, rtol=0, atol=1e-12 * scale)
-        assert_allclose(
-            ELASTIC.forces(LATTICE, x), expected, rtol=0, atol=1e-12 * scale
-        )
+        own = ELASTIC.forces(LATTICE, x)
+        assert_allclose(own, expected, rtol=0, atol=1e-12 * scale)
         found = ELASTIC.contacts(LATTICE, x)
         assert found.points.tolist() == rows.point.tolist()
         assert LATTICE.wall_surface[found.carriers[:, 0]].tolist() == rows.left.tolist()
         touching += len(rows.point)
         scale = np.abs(f).sum()
         assert np.abs(f.sum(axis=0)).max() <= 1e-13 * scale + 1e-12
-        assert (
-            abs(np.sum(x[:, 0] * f[:, 1] - x[:, 1] * f[:, 0])) <= 1e-13 * scale + 1e-12
-        )
+        torque = np.sum(x[:, 0] * f[:, 1] - x[:, 1] * f[:, 0])
+        assert abs(torque) <= 1e-13 * scale + 1e-12
         moved = np.flatnonzero(np.abs(f).sum(axis=1) > 1e-9)
         assert set(moved) <= {*LATTICE.wall_surface, *LATTICE.disk_surface}
     assert touching > 12
@@ -100,16 +100,12 @@ def test_the_smooth_contact_pushes_along_its_gradient_and_keeps_momentum(
 ):
     model = Model(Springs(1e-12, 1e-12), SMOOTH, boundary=ResetBoundary(1.0))
     for seed in range(6):
-        rng = np.random.default_rng(seed)
-        x = LATTICE.positions + roughness * rng.uniform(-1, 1, LATTICE.positions.shape)
-        x[:N, 0] += rng.uniform(-1.0, 1.0)
-        x[LATTICE.wall_surface, 0] = np.sort(x[LATTICE.wall_surface, 0])
+        x = rough(seed, roughness, 1.0)
         f = forces(kernels, x, model)
         scale = np.abs(f).max()
         assert scale > 1e-3
-        assert_allclose(
-            f, SMOOTH.forces(LATTICE, x), rtol=0, atol=1e-12 * max(scale, 1.0)
-        )
+        own = SMOOTH.forces(LATTICE, x)
+        assert_allclose(f, own, rtol=0, atol=1e-12 * max(scale, 1.0))
         assert np.abs(f.sum(axis=0)).max() <= 1e-13 * np.abs(f).sum()
         assert SMOOTH.energy(LATTICE, x) == pytest.approx(
             smooth_potential(x), rel=1e-10
@@ -127,27 +123,15 @@ def test_the_smooth_contact_pushes_along_its_gradient_and_keeps_momentum(
 def test_an_impact_that_slides_over_the_smooth_surface_converges_with_order_2(kernels):
     # A spin moves points from spring to spring, where with contact `springs` the energy
     # jumps and e follows no order.
-    settings = (
-        *WALL,
-        "wall.boundary=pinned",
-        "impact.velocity=0.05",
-        "impact.spin=0.1",
-        "impact.gap=0.08",
-    )
+    settings = (*WALL, "wall.boundary=pinned", "impact.velocity=0.05")
+    settings += ("impact.spin=0.1", "impact.gap=0.08")
     settings += ("time.integrator=velocity_verlet",)
     e = {}
     for contact in ("smooth", "springs"):
-        steps = [f"time.dt={dt}" for dt in (8e-3, 4e-3, 2e-3)]
+        own = (*settings, f"wall.contact={contact}")
         runs = [
-            computed(
-                kernels,
-                "absorbing_wall",
-                *settings,
-                step,
-                f"wall.contact={contact}",
-                estimate=False,
-            )
-            for step in steps
+            computed(kernels, "absorbing_wall", *own, f"time.dt={dt}", estimate=False)
+            for dt in (8e-3, 4e-3, 2e-3)
         ]
         slid = [np.abs(outcome.series["sliding"]).max() for _, outcome in runs]
         assert min(slid) > 1e-8 if contact == "springs" else max(slid) == 0.0

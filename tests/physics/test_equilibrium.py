@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import reference
 from bodies import SMALL, computed, disk, pressed
-from scipy.integrate import trapezoid
 from scipy.optimize import brentq, minimize, root
 
 from taichi_disk.computation.outcome import compute
@@ -21,13 +20,11 @@ from taichi_disk.scenes import load_scene
 from taichi_disk.statics.equilibrium import (
     place_on_wall,
     resting_angle,
-    rigid_balance,
     solve_equilibrium,
     turned,
 )
 
 P = 1e-2
-LONG = pytest.mark.validate
 ROUNDING = 16 * np.finfo(float).eps  # of a force on a point, in any version of NumPy
 WALL = ExponentialWall(300.0, 150.0)
 MODEL = pressed(P, k_b=1e-3)
@@ -61,13 +58,11 @@ def spread(x):
 def test_it_comes_to_rest_for_soft_and_hard_walls_and_all_loads(rim, a, pressure):
     lattice = Lattice.disk(150, 1, rim, 0.7 if rim else 0.0)
     model = pressed(pressure, k_b=1e-3, wall=ExponentialWall(a, 150.0))
-    rest = rest_of(lattice, model)
-    x = rest.positions
+    x = rest_of(lattice, model).positions
     # Allow rounding errors of coordinates up to 2 R times the largest stiffness.
-    stiffest = model.stiffness(lattice, x).diagonal().max()
-    assert np.abs(forces(lattice, model, x)).max() < 30 * np.finfo(float).eps * max(
-        stiffest, 1.0
-    )
+    stiffest = max(model.stiffness(lattice, x).diagonal().max(), 1.0)
+    most = 30 * np.finfo(float).eps * stiffest
+    assert np.abs(forces(lattice, model, x)).max() < most
     bearing = reference.Model(lattice, model).wall_force(x)[:, 1]
     assert bearing.sum() == pytest.approx(pressure, rel=1e-10)
     assert abs(np.sum(bearing * spread(x)[:, 0])) < 1e-9 * pressure  # no torque
@@ -80,12 +75,10 @@ def test_it_comes_to_rest_for_soft_and_hard_walls_and_all_loads(rim, a, pressure
 def test_it_is_the_minimum_that_bfgs_finds():
     lattice = Lattice.disk(40, 0)
     plain = reference.Model(lattice, MODEL)
+    start = place_on_wall(lattice, 0.0, WALL, P).positions
     found = minimize(
         lambda x: plain.potential(x.reshape(-1, 2)),
-        (
-            lattice.positions
-            + np.array([0.0, rigid_balance(lattice.positions[:, 1], WALL, P)])
-        ).ravel(),
+        start.ravel(),
         jac=lambda x: -forces(lattice, MODEL, x.reshape(-1, 2)).ravel(),
         method="BFGS",
         options={"gtol": 1e-12, "maxiter": 20000},
@@ -99,10 +92,8 @@ def test_it_is_the_minimum_that_bfgs_finds():
 
 def test_a_stiffness_without_an_inverse_is_shifted_further():
     keys = {"lattice.points": 7, "material.k_a": 2.05e-6, "material.k_b": 257.0}
-    scene = load_scene("compression").with_(
-        {**keys, "wall.a": 2.77, "compression.pressure": 1.0}
-    )
-    scenario = scene.scenario()
+    keys |= {"wall.a": 2.77, "compression.pressure": 1.0}
+    scenario = load_scene("compression").with_(keys).scenario()
     force = forces(scenario.lattice, scenario.model, scenario.rest.positions)
     assert np.abs(force).max() < 1e-9
 
@@ -112,15 +103,12 @@ def test_a_hexagon_balanced_on_its_corner_tips_over_onto_a_side():
     # two of them at x = 0
     corners = np.round(np.stack([np.cos(angle), np.sin(angle)], axis=1), 15)
     lattice = Lattice.from_points([*corners, [0.0, 0.0]])
-    lifted = lattice.positions + np.array(
-        [0.0, rigid_balance(lattice.positions[:, 1], WALL, P)]
-    )
-    upright = root(
-        lambda x: forces(lattice, MODEL, x.reshape(-1, 2)).ravel(),
-        lifted,
-        method="lm",
-        tol=1e-15,
-    )
+    lifted = place_on_wall(lattice, 0.0, WALL, P).positions
+
+    def push(x):
+        return forces(lattice, MODEL, x.reshape(-1, 2)).ravel()
+
+    upright = root(push, lifted, method="lm", tol=1e-15)
     start = upright.x.reshape(-1, 2)
     # at rest already, but not stable
     assert np.abs(forces(lattice, MODEL, start)).max() < 1e-13 * P
@@ -134,13 +122,10 @@ def test_a_hexagon_balanced_on_its_corner_tips_over_onto_a_side():
 def test_an_equilibrium_that_is_not_found_is_an_error():
     with pytest.raises(SimulationError, match="within 3 Newton iterations"):
         rest_of(Lattice.disk(1099, 0), MODEL, max_iterations=3)
-    with pytest.raises(
-        SimulationError, match=r"could not lower the energy.*compression\.pressure"
-    ):
-        rest_of(
-            Lattice.disk(8, 0),
-            Model(Springs(1e-6), ExponentialWall(1e6, 150.0), Load(1.0)),
-        )
+    hard = Model(Springs(1e-6), ExponentialWall(1e6, 150.0), Load(1.0))
+    message = r"could not lower the energy.*compression\.pressure"
+    with pytest.raises(SimulationError, match=message):
+        rest_of(Lattice.disk(8, 0), hard)
 
 
 def test_a_rigid_disk_lies_with_its_centre_of_mass_as_low_as_it_can():
@@ -151,14 +136,15 @@ def test_a_rigid_disk_lies_with_its_centre_of_mass_as_low_as_it_can():
 
     def height(angle):
         y = np.sin(angle) * arm[:, 0] + np.cos(angle) * arm[:, 1]
-        return brentq(
-            lambda h: np.exp(-(y + h) / depth).sum() - 1.0, 0.5, 2.0, xtol=1e-14
-        )
+
+        def excess(h):
+            return np.exp(-(y + h) / depth).sum() - 1.0
+
+        return brentq(excess, 0.5, 2.0, xtol=1e-14)
 
     best = height(resting_angle(disk(150, 4), 1.0, 3000.0, 1e-3))
-    assert all(
-        best <= height(angle) + 1e-7 for angle in np.linspace(-np.pi, np.pi, 500)
-    )
+    heights = [height(angle) for angle in np.linspace(-np.pi, np.pi, 500)]
+    assert best <= min(heights) + 1e-7
 
 
 def test_it_does_not_matter_how_the_lattice_is_turned_when_it_is_put_down():
@@ -166,9 +152,8 @@ def test_it_does_not_matter_how_the_lattice_is_turned_when_it_is_put_down():
     lattice = Lattice.disk(150, 0, False, 0.0)
     found = []
     for angle in (0.0, 1.0, -2.0):
-        scenario = scene.scenario(
-            replace(lattice, positions=turned(lattice.positions, angle))
-        )
+        body = replace(lattice, positions=turned(lattice.positions, angle))
+        scenario = scene.scenario(body)
         found.append(scenario.result(compute(scenario, loads=1).series)["xi"])
     assert found == pytest.approx([found[0]] * 3, rel=1e-9)
 
@@ -176,9 +161,8 @@ def test_it_does_not_matter_how_the_lattice_is_turned_when_it_is_put_down():
 @pytest.fixture(scope="module")
 def loading():
     """Return scene, scenario and outcome of a loading."""
-    scene = load_scene(
-        "compression", ("lattice.points=100", "compression.method=newton")
-    )
+    settings = ("lattice.points=100", "compression.method=newton")
+    scene = load_scene("compression", settings)
     scenario = scene.scenario()
     return scene, scenario, compute(scenario)
 
@@ -221,32 +205,6 @@ def test_every_row_of_a_loading_is_an_equilibrium_of_plain_numpy(loading):
     )
 
 
-@pytest.mark.validate
-def test_the_load_s_work_is_stored_and_the_potential_s_slope_is_the_centre_s_height():
-    # dV/dP = y_cm for V = U + P y_cm (Hellmann and Feynman), and dU = -P dy_cm; by the
-    # trapezoidal rule.
-    scene = load_scene(
-        "compression", ("lattice.points=30", "compression.method=newton")
-    )
-    off = []
-    for loads in (24, 96):
-        columns = compute(scene.scenario(), loads=loads).series
-        force = P * columns["t"]
-        y = columns["com_y"]
-        stored = columns["elastic"] + columns["wall"]
-        work = trapezoid(force, -y)
-        potential = trapezoid(y, force)
-        off.append(
-            (
-                abs(work / np.ptp(stored) - 1.0),
-                abs(np.ptp(columns["total"]) / potential - 1.0),
-            )
-        )
-    assert off[0] < (3e-3, 3e-5)
-    assert off[1][0] < off[0][0] / 5
-    assert off[1][1] < off[0][1] / 5
-
-
 @pytest.mark.parametrize("row", [0, 5, 14])
 def test_each_load_of_a_loading_compresses_as_much_as_a_run_under_that_load_alone(
     loading, row
@@ -271,11 +229,8 @@ def test_a_state_at_any_load_is_an_equilibrium_and_a_film_s_is_near_it(loading):
         assert t == same
         at_rest = 1e-9 * t * P / 100 + ROUNDING
         assert np.abs(forces(scenario.lattice, model, x)).max() < at_rest
-        assert (
-            (np.abs(drawn - x).max() < 1e-4)
-            if t not in columns["t"]
-            else np.array_equal(drawn, x)
-        )
+        off = np.abs(drawn - x).max()
+        assert off == 0.0 if t in columns["t"] else off < 1e-4
     # under no load at all it rests nowhere
     assert t == 1.0
     assert next(outcome.replay(asked))[0] == columns["t"][0]
@@ -294,11 +249,7 @@ def test_the_rest_under_the_full_load_alone_is_bitwise_that_of_the_loading(loadi
 
 @pytest.mark.parametrize(
     ("settings", "rolls"),
-    [
-        (SMALL, False),
-        pytest.param(("lattice.points=1099",), False, marks=LONG),
-        (("lattice.points=60", "material.eta_star=20"), True),
-    ],
+    [(SMALL, False), (("lattice.points=60", "material.eta_star=20"), True)],
 )
 def test_relaxation_comes_to_newtons_rest(settings, rolls, kernels):
     """It begins at the angle of Newton's equilibrium (rolling there takes 10^4 R/c), or
@@ -339,19 +290,14 @@ def test_relaxation_comes_to_newtons_rest(settings, rolls, kernels):
 def test_a_compression_within_a_tolerance_ends_as_near_to_newtons_rest(kernels):
     """Without `time.tolerance` it counts as at rest while the end of the roll still
     changes xi by 3e-7 R."""
-    settings = [
-        "lattice.points=60",
-        "lattice.seed=9162",
-        "wall.a=44",
-        "wall.V0=22",
-        "compression.pressure=4e-3",
-    ]
+    settings = ["lattice.points=60", "lattice.seed=9162", "wall.a=44", "wall.V0=22"]
     settings += ["material.k_a=0.76", "material.eta_star=68"]
+    settings += ["compression.pressure=4e-3"]
     loose, early = computed(kernels, "compression", *settings)
     off = loose.end_truncation_error(early.series)
-    assert (
-        off > 1e-7 and 1.05 * off < early.summary["error_estimate"]["xi"] < 1.5 * off
-    )  # Newton's rest is rounded, too
+    # Newton's rest is rounded, too.
+    assert off > 1e-7
+    assert 1.05 * off < early.summary["error_estimate"]["xi"] < 1.5 * off
     scenario, outcome = computed(
         kernels, "compression", *settings, "time.tolerance=1e-7"
     )
@@ -366,11 +312,8 @@ def test_a_compression_within_a_tolerance_ends_as_near_to_newtons_rest(kernels):
     assert scenario.time_to_end(early.series) > 0.0
     # Once the disk is at rest, the end is checked at every row, not after another
     # settling time.
-    assert (
-        0.0
-        < outcome.series["t"][-1] - early.series["t"][-1]
-        < 0.5 * scenario.quiet_time
-    )
+    longer = outcome.series["t"][-1] - early.series["t"][-1]
+    assert 0.0 < longer < 0.5 * scenario.quiet_time
     assert re.search(
         r"xi still differs .* from that of Newton's.*time\.tolerance",
         scenario.unfinished(early.series),
@@ -411,12 +354,10 @@ def test_xi_keeps_its_sign():
     # The lowest points of this flat bar go down by more than its centre of mass.
     x, y = np.meshgrid(np.linspace(-0.9, 0.9, 14), [0.0, 0.12])
     bar = Lattice.from_points(np.stack([x.ravel(), y.ravel()], axis=1))
-    scenario = load_scene(
-        "compression", ["compression.method=newton", "compression.pressure=1e-3"]
-    ).scenario(bar)
-    rest, unloaded = (
-        lattice.positions[:, 1] for lattice in (scenario.rest, scenario.lattice)
-    )
+    settings = ["compression.method=newton", "compression.pressure=1e-3"]
+    scenario = load_scene("compression", settings).scenario(bar)
+    unloaded = scenario.lattice.positions[:, 1]
+    rest = scenario.rest.positions[:, 1]
     columns = compute(scenario).series
     difference = (unloaded.mean() - unloaded.min()) - (rest.mean() - rest.min())
     assert scenario.result(columns)["xi"] == pytest.approx(difference, rel=1e-9)

@@ -32,11 +32,8 @@ def test_the_scene_matches_its_dashpots_to_the_material_and_the_length_of_the_si
     x, y = scenario.lattice.positions[scenario.lattice.wall_boundary].T
     height = np.ptp(y)
     width = np.ptp(x)
-    assert_allclose(
-        z.sum(axis=0),
-        [2 * p * height + s * width, p * width + 2 * s * height],
-        rtol=1e-12,
-    )
+    sums = [2 * p * height + s * width, p * width + 2 * s * height]
+    assert_allclose(z.sum(axis=0), sums, rtol=1e-12)
     bottom = (y == y.min()) & (np.abs(x) < width / 2 - 1e-9)
     assert_allclose(z[bottom, 1] / z[bottom, 0], p / s, rtol=1e-12)
     assert (z > 0.0).all()
