@@ -44,26 +44,6 @@ def pytest_collection_modifyitems(
     )
 
 
-@pytest.fixture(scope="session", autouse=True)
-def blank_plots():
-    """Write a blank plot.png: drawing the curves takes 0.4 s, longer than most runs of
-    the tests."""
-    from taichi_disk.output import plot
-
-    plot_run = plot.plot_run
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plot, "plot_run", lambda path, *_: path.touch())
-        yield plot_run
-
-
-@pytest.fixture(scope="module")
-def drawn_plots(blank_plots):
-    """Draw plot.png as a user's run does, until the module's last test."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("taichi_disk.output.plot.plot_run", blank_plots)
-        yield
-
-
 def pytest_make_parametrize_id(val, argname):
     return val.name if argname == "integrator" else None
 

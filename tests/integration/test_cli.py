@@ -345,7 +345,7 @@ def test_labels_may_be_words_of_one_option_or_options_of_their_own(monkeypatch):
 )
 @pytest.mark.validate
 def test_in_a_strange_environment_a_run_is_the_same_and_its_wall_clock_adds_up(
-    tmp_path, environment, drawn_plots
+    tmp_path, environment
 ):
     (tmp_path / "matplotlibrc").write_text(
         "text.usetex: True\nsavefig.dpi: 900\naxes.facecolor: red\n"

@@ -21,7 +21,7 @@ SCENE = load_scene(
 
 
 @pytest.fixture(scope="module")
-def result(tmp_path_factory, drawn_plots):
+def result(tmp_path_factory):
     return run(
         SCENE, tmp_path_factory.mktemp("it's") / "a run", video=False, lattices=1
     )
@@ -80,8 +80,7 @@ def in_npz(path):
 
 
 @pytest.mark.parametrize(
-    ("suffix", "read"),
-    [(".xyz", in_xyz), (".pvd", in_pvd), (".npz", in_npz)],
+    ("suffix", "read"), [(".xyz", in_xyz), (".pvd", in_pvd), (".npz", in_npz)]
 )
 def test_a_trajectory_carries_the_scene_and_the_same_bytes_come_twice(
     result, tmp_path, suffix, read

@@ -66,7 +66,7 @@ def contents(folder):
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory, drawn_plots):
+def runs(tmp_path_factory):
     place = tmp_path_factory.mktemp("runs")
     found = {}
     for kind, settings in SCENES.items():

@@ -151,7 +151,6 @@ def test_plots_by_threads_with_other_styles_and_by_another_process_have_the_same
         first, second = threads.map(draw, ("a.png", "b.png"))
     assert first == second
     assert len(first) < 500_000
-    monkeypatch.setattr("taichi_disk.output.plot.plot_run", plot_run)
     # also if that process fails
     pythons = {sys.executable: True, "/nowhere/python": False, "/bin/false": False}
     for python, is_elsewhere in pythons.items():
