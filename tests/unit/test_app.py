@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from taichi_disk.errors import InputError
@@ -12,7 +10,7 @@ from taichi_disk.window.app import list_folder
 SCENE = "scene: exponential_wall\nlattice: {points: 60}\n"
 
 
-def test_the_scenes_of_a_folder_are_listed_by_their_names(tmp_path: Path) -> None:
+def test_the_scenes_of_a_folder_are_listed_by_their_names(tmp_path):
     with pytest.raises(InputError, match="no scene in this folder"):
         list_folder(tmp_path)
     (tmp_path / "b.yaml").write_text("scene: compression\n")
@@ -23,10 +21,10 @@ def test_the_scenes_of_a_folder_are_listed_by_their_names(tmp_path: Path) -> Non
     (tmp_path / "c.yaml").mkdir()
     entries = list_folder(tmp_path)
     assert [one.name for one in entries] == ["a", "b"]
-    assert entries[0].load().impact.velocity == 0.02  # type: ignore[union-attr]
+    assert entries[0].load().impact.velocity == 0.02
 
 
-def test_a_huge_file_is_listed_and_refused_when_it_is_chosen(tmp_path: Path) -> None:
+def test_a_huge_file_is_listed_and_refused_when_it_is_chosen(tmp_path):
     (tmp_path / "a.yaml").write_text(SCENE)
     with (tmp_path / "b.yaml").open("w") as file:
         file.write(SCENE)

@@ -43,12 +43,9 @@ def test_a_contact_lasts_while_the_force_exceeds_a_hundredth_of_its_peak():
     assert contact_interval(without) == (2.0, 3.0)
 
 
-@pytest.mark.parametrize("loss", ["dissipated", "absorbed"])
-def test_with_losses_results_are_measured_at_the_end_of_the_last_contact(loss):
-    assert results_time(columns(**{loss: 1e-3})) == pytest.approx(5.0, abs=0.1)
-
-
-def test_without_losses_results_are_measured_at_the_end_of_the_run():
+def test_results_are_measured_after_the_last_contact_if_there_are_losses_else_last():
+    for loss in ("dissipated", "absorbed"):
+        assert results_time(columns(**{loss: 1e-3})) == pytest.approx(5.0, abs=0.1)
     assert results_time(columns()) == 10.0
 
 

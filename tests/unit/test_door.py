@@ -112,18 +112,15 @@ def test_a_header_that_comes_twice_is_no_error(name):
     assert status == (101 if name == "Upgrade" else 403)
 
 
-def test_a_request_for_the_websocket_is_told_why_there_is_none():
-    response = answered(SOCKET)
-    assert response.status_code == 426
-    assert b"Upgrade" in response.body
-    assert b"--origin" in response.body
-
-
-def test_the_address_without_its_last_slash_leads_to_the_page_below_any_path():
-    response = answered(f"/{TOKEN}")
-    assert response.status_code == 307
-    public = f"https://example.org/disk/{TOKEN}"
-    assert urljoin(public, response.headers["Location"]) == f"{public}/"
+def test_a_wrong_address_leads_further():
+    plain = answered(SOCKET)  # no websocket is asked for
+    assert plain.status_code == 426
+    assert b"Upgrade" in plain.body
+    assert b"--origin" in plain.body
+    without_slash = answered(f"/{TOKEN}")
+    assert without_slash.status_code == 307
+    public = f"https://example.org/disk/{TOKEN}"  # below any path
+    assert urljoin(public, without_slash.headers["Location"]) == f"{public}/"
 
 
 def test_the_page_s_own_files_are_served_and_no_others():

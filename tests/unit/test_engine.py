@@ -14,6 +14,7 @@ import pytest
 from taichi_disk.engine import environment, internals, ti
 
 ROOT = Path(__file__).parents[2]
+INIT = "__init__.py"
 
 
 @pytest.mark.parametrize(
@@ -32,26 +33,19 @@ def test_the_lock_of_a_process_that_was_killed_goes_and_that_of_another_process_
     environment.remove_stale_lock()
 
 
-def test_one_file_alone_names_the_engines():
-    naming = re.compile(
-        r"^\s*(import|from) taichi(_forge)?\b|[\"']taichi(_forge|-forge)?[\"']",
-        re.MULTILINE,
-    )
+@pytest.mark.parametrize(
+    ("pattern", "file"),
+    [
+        # names an engine
+        (r"(?m)^\s*(import|from) taichi(_forge)?\b|[\"']taichi([_-]forge)?[\"']", INIT),
+        # uses what the engine does not promise
+        (r"\bti\._|\bti\.lang\b|\.lang\.impl\b|\bui\.utils\b", "internals.py"),
+    ],
+)
+def test_one_file_alone_knows_the_engine(pattern, file):
     files = [*(ROOT / "taichi_disk").rglob("*.py"), *(ROOT / "docs").rglob("*.py")]
-    assert [
-        path.name for path in files if naming.search(path.read_text(encoding="utf-8"))
-    ] == ["__init__.py"]
-    assert naming.search(
-        (ROOT / "taichi_disk/engine/__init__.py").read_text(encoding="utf-8")
-    )
-
-
-def test_one_file_alone_uses_what_the_engine_does_not_promise():
-    private = re.compile(r"\bti\._|\bti\.lang\b|\.lang\.impl\b|\bui\.utils\b")
-    files = (ROOT / "taichi_disk").rglob("*.py")
-    assert [
-        path.name for path in files if private.search(path.read_text(encoding="utf-8"))
-    ] == ["internals.py"]
+    found = [one for one in files if re.search(pattern, one.read_text("utf-8"))]
+    assert found == [ROOT / "taichi_disk" / "engine" / file]
 
 
 def test_another_version_of_taichi_is_left_as_it_is():

@@ -153,9 +153,8 @@ def test_warnings_say_what_makes_a_result_doubtful(finished):
     scenario = finished.scenario
     for part, expected in ((0.8, 0), (1.1, 2)):
         columns = off_by(finished, 0.0, closing=-part * MAX_IMBALANCE)
-        columns["sliding"] = np.full_like(
-            columns["t"], scenario.reference_energy * part * MAX_IMBALANCE
-        )
+        columns["sliding"] = np.zeros_like(columns["t"])
+        columns["sliding"] += scenario.reference_energy * part * MAX_IMBALANCE
         messages = diagnostics.warnings(scenario, columns)
         assert len(messages) == expected
     assert "imbalance at the end is -0.0011" in messages[0]
@@ -178,9 +177,8 @@ def test_dashpots_are_solved_for_where_that_costs_less_than_the_steps_that_it_sa
         control = control_of(*settings)
         scenario = control.scenario
         own = control.spectrum
-        implicit, explicit = (
-            control.limit(way, scenario.point_force) for way in (TRAPEZOIDAL, VV)
-        )
+        implicit = control.limit(TRAPEZOIDAL, scenario.point_force)
+        explicit = control.limit(VV, scenario.point_force)
         assert implicit / explicit == pytest.approx(saved, rel=0.05)
         for points, expected in ((60, few), (1_000_000, many)):
             chosen = StepControl(scenario, replace(own, points=points))
@@ -254,10 +252,8 @@ def test_a_run_within_a_tolerance_is_as_near_as_it_says(tolerance, kernels):
     fine = ("time.integrator=takahashi_imada", "time.safety=0.1")
     exact, run = computed(kernels, *SMALL, *fine, estimate=False)
     scenario, outcome = computed(kernels, *SMALL, f"time.tolerance={tolerance}")
-    off = abs(
-        scenario.result(outcome.series)["restitution"]
-        - exact.result(run.series)["restitution"]
-    )
+    e = scenario.result(outcome.series)["restitution"]
+    off = abs(e - exact.result(run.series)["restitution"])
     assert 0.0 < off <= outcome.summary["error_estimate"]["restitution"] <= tolerance
     assert outcome.summary["attempts"] >= 2
 
@@ -361,10 +357,3 @@ def test_three_successive_results_decide_whether_a_tolerance_is_met(
     assert len(steps) == runs
     assert last.step.dt == steps[-1] == driver.step.dt / 2 ** (runs - 1)
     assert second.errors["restitution"] <= 3e-5
-
-
-def test_a_turned_start_hardly_changes_an_ordinary_impact(kernels):
-    driver = driver_of(kernels, *SMALL)
-    driver.advance()
-    # as much as the restitution depends on the angle
-    assert 1e-4 < error_estimate.growth_of_turn(driver) < 100.0

@@ -31,19 +31,14 @@ def test_axes_multiply_and_the_last_varies_fastest():
     assert found == list(itertools.product((0.0, 10.0), (0.01, 0.02, 0.03), (0, 1)))
 
 
-def test_an_axis_from_python_may_be_an_array():
-    axes = {"velocity": np.array([0.01, 0.02]), "seed": (3,)}
-    sweep = load_sweep({"scene": "exponential_wall", "sweep": axes})
-    assert sweep.blocks == ({"velocity": (0.01, 0.02), "seed": (3,)},)
-
-
 def test_each_point_is_the_scene_that_overrides_would_make():
-    swept = "sweep: {boundary: [pinned, dashpot], points: [900], wall.V0: [7.0]}"
-    own = ["wall.a=400.0", "wall.boundary=dashpot", "lattice.points=900", "wall.V0=7.0"]
-    _, second = load_sweep(
-        f"scene: absorbing_wall\nwall: {{a: 400.0}}\n{swept}\n"
-    ).scenes
-    assert second == load_scene("absorbing_wall", own)
+    # An axis from Python may be an array.
+    axes = {"velocity": np.array([0.01, 0.02]), "seed": (3,), "wall.V0": [7.0]}
+    sweep = load_sweep({"scene": "exponential_wall", "sweep": axes})
+    block = {"velocity": (0.01, 0.02), "seed": (3,), "wall.V0": (7.0,)}
+    assert sweep.blocks == (block,)
+    own = ["impact.velocity=0.02", "lattice.seed=3", "wall.V0=7.0"]
+    assert sweep.scenes[1] == load_scene("exponential_wall", own)
 
 
 def test_geometric_axes_have_equal_ratios_and_their_ends():
@@ -80,33 +75,22 @@ def test_the_resolved_sweep_is_the_same_sweep(text):
 
 
 def test_axes_can_be_set_from_the_command_line():
-    text = IMPACT + "sweep: {velocity: {geom: [3e-3, 5e-2, 12]}, seed: {range: 8}}\n"
-    new = (
-        "sweep.velocity={lin: [0.01, 0.02, 2]}",
-        "sweep.seed=[4]",
-        "sweep.lattice.points=[500]",
-    )
-    sweep = load_sweep(text, new)
+    text = "sweep: {velocity: {geom: [3e-3, 5e-2, 12]}, seed: {range: 8}}\n"
+    axes = ("velocity={lin: [0.01, 0.02, 2]}", "seed=[4]", "lattice.points=[500]")
+    sweep = load_sweep(IMPACT + text, [f"sweep.{axis}" for axis in axes])
     assert sweep.axes == ["velocity", "seed", "lattice.points"]
     assert [scene.lattice.points for scene in sweep.scenes] == [500, 500]
-
-
-def test_an_axis_of_an_option_replaces_the_value_of_the_file_but_not_of_an_option():
-    scene = "scene: exponential_wall\nimpact: {velocity: 0.5}\n"
-    axis = "sweep.velocity=[0.1, 0.2]"
-    found = [one.impact.velocity for one in load_sweep(scene, [axis]).scenes]
-    assert found == [0.1, 0.2]
-    with pytest.raises(InputError, match="also given by the scene"):
-        load_sweep(scene, [axis, "impact.velocity=0.3"])
-
-
-def test_an_override_sets_the_axis_in_every_section():
-    text = (
-        IMPACT + "sweep:\n  - {seed: [1, 2], eta_star: [3]}\n  - {velocity: [0.01]}\n"
-    )
+    # in every section
+    text = "sweep:\n  - {seed: [1, 2], eta_star: [3]}\n  - {velocity: [0.01]}\n"
     changed = ({"seed": (7,), "eta_star": (3.0,)}, {"velocity": (0.01,), "seed": (7,)})
-    assert load_sweep(text, ["sweep.seed=[7]"]).blocks == changed
-    assert len(load_sweep("figure2", ["sweep.seed=[0]"]).scenes) == 8
+    assert load_sweep(IMPACT + text, ["sweep.seed=[7]"]).blocks == changed
+    # instead of a value of the file, but not of an option
+    text = "impact: {velocity: 0.5}\n"
+    axis = "sweep.velocity=[0.1, 0.2]"
+    scenes = load_sweep(IMPACT + text, [axis]).scenes
+    assert [scene.impact.velocity for scene in scenes] == [0.1, 0.2]
+    with pytest.raises(InputError, match="also given by the scene"):
+        load_sweep(IMPACT + text, [axis, "impact.velocity=0.3"])
 
 
 @pytest.mark.parametrize(
