@@ -179,22 +179,22 @@ async def test_undisturbed_results_of_everybody_are_on_every_page(audience):
 
 
 @pytest.mark.parametrize(("cost", "pause"), [(0.05, 0.15), (0.001, 1 / 60), (9, 0.25)])
-def test_a_session_that_computes_long_waits_long(audience, monkeypatch, cost, pause):
+@visited
+async def test_a_session_that_computes_long_waits_long(
+    audience, monkeypatch, cost, pause
+):
     """Six sessions want a picture, and each may take at most twice its part."""
-    reader = Reader(audience)
-    used = 0.0
-
-    def advance(_):
-        nonlocal used
-        used += cost
-        reader.session.messages["state"] = b"\1" + bytes(HEADER.size)
-
-    monkeypatch.setattr(reader.session, "advance", advance)
-    monkeypatch.setattr(pages, "thread_time", lambda: used)
+    used = []
+    monkeypatch.setattr(pages, "thread_time", lambda: cost * len(used))
     monkeypatch.setattr(pages, "perf_counter", lambda: 100.0)
-    reader.say("press", key="space")
-    audience._serve(reader.page.seat, 6)
-    assert reader.page.seat.due == pytest.approx(100.0 + pause)
+    readers = [Reader(audience) for _ in range(6)]
+    for one in readers:
+        monkeypatch.setattr(one.session, "advance", used.append)
+        one.say("press", key="space")
+    await asyncio.sleep(0.1)
+    assert len(used) == 6
+    for one in readers:
+        assert one.page.seat.due == pytest.approx(100.0 + pause)
 
 
 @visited
