@@ -20,9 +20,8 @@ from taichi_disk import runtime
 from taichi_disk.computation.contact import results_time
 from taichi_disk.computation.outcome import compute
 from taichi_disk.lattice import Lattice, bulk_moduli
-from taichi_disk.output import inline
 from taichi_disk.output.artist import drawing_process
-from taichi_disk.output.plot import matplotlib_style, plot_run, plot_scene
+from taichi_disk.output.plot import matplotlib_style, plot_run, plot_scene, run_figure
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import shared_kernels
 
@@ -37,22 +36,8 @@ def impact():
     return scenario, outcome.series
 
 
-@pytest.fixture
-def figures(monkeypatch):
-    """Return the figures that plot_run makes."""
-    made = []
-
-    class Kept(inline.Plot):
-        def __init__(self, *given, **options):
-            super().__init__(*given, **options)
-            made.append(self)
-
-    monkeypatch.setattr(inline, "Plot", Kept)
-    return made
-
-
 def test_an_impact_shows_velocity_force_and_energies_with_the_same_bytes_twice(
-    impact, tmp_path, figures
+    impact, tmp_path
 ):
     scenario, columns = impact
     for name in ("a.png", "b.png"):
@@ -64,7 +49,7 @@ def test_an_impact_shows_velocity_force_and_energies_with_the_same_bytes_twice(
     for edge in (image[0], image[-1], image[:, 0], image[:, -1]):
         assert edge.min() == 255
 
-    motion, force, energy, balance = figures[0].axes
+    motion, force, energy, balance = run_figure(plot_scene(scenario, columns)).axes
     curve, mark = motion.lines
     e = scenario.result(columns)["restitution"]
     last = columns["com_vy"][-1] / scenario.velocity
@@ -89,15 +74,12 @@ def test_an_impact_shows_velocity_force_and_energies_with_the_same_bytes_twice(
     assert "[R/c]" in balance.get_xlabel()
 
 
-def test_a_loading_shows_load_and_energy_against_the_compression_and_the_law(
-    kernels, tmp_path, figures
-):
+def test_a_loading_shows_load_and_energy_against_the_compression_and_the_law(kernels):
     # This loading ends just before xi = 0.0175 R, the last number of its axis.
     settings = ("lattice.points=200", "compression.method=newton")
     scenario, outcome = computed(kernels, "compression", *settings)
     columns = outcome.series
-    plot_run(tmp_path / "a.png", plot_scene(scenario, columns))
-    (figure,) = figures
+    figure = run_figure(plot_scene(scenario, columns))
     force, energy = figure.axes
     points, paper, exact = (line.get_xydata().T for line in force.lines[:3])
     assert np.array_equal(points, [columns["xi"], columns["wall_force"]])
@@ -124,12 +106,12 @@ def test_a_loading_shows_load_and_energy_against_the_compression_and_the_law(
 
 
 @pytest.mark.validate
-def test_no_law_is_drawn_for_points_of_unknown_moduli(kernels, tmp_path, figures):
+def test_no_law_is_drawn_for_points_of_unknown_moduli(kernels):
     scene = load_scene("compression", ["compression.method=newton"])
     scenario = scene.scenario(Lattice.from_points(disk(60).positions))
     columns = compute(scenario).series
-    plot_run(tmp_path / "a.png", plot_scene(scenario, columns))
-    (text,) = figures[0].axes[0].get_legend().get_texts()
+    figure = run_figure(plot_scene(scenario, columns))
+    (text,) = figure.axes[0].get_legend().get_texts()
     assert text.get_text() == "equilibria"
 
 
