@@ -279,7 +279,7 @@ def test_largest_eigenvalue_is_that_of_the_dense_matrix(points):
     assert largest_eigenvalue(stiffness, masses) == pytest.approx(dense, rel=2e-10)
 
 
-@pytest.mark.parametrize("rings", [2, 6])
+@pytest.mark.parametrize("rings", [2, 4])
 def test_bending_compliance_is_that_of_the_dense_matrix(rings):
     # A hexagon has pairs of vibrations with the same frequency, and the solver may
     # return any mixture of them.

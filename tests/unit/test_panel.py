@@ -53,7 +53,7 @@ def test_a_curve_is_at_the_row_of_its_value_grey_before_and_coloured_after():
             assert np.abs(grey - [184, 184, 183]).max() < 20
 
 
-@pytest.mark.parametrize("energies", [2, 5, 7])
+@pytest.mark.parametrize("energies", [2, 7])
 @pytest.mark.parametrize(("letter", "height"), [(20.0, 720), (30.0, 720), (11.0, 360)])
 def test_no_word_of_a_panel_is_cut(energies, letter, height):
     size = round(height * 7 / 9), height
