@@ -211,12 +211,13 @@ class Simulation:
         owner.call(self.kernels.advance, -1, 1, 1, rows, bounds_array({}), counts)
         self.first_row = self.now = rows[0]
 
-    def write_again(self, load: Load) -> None:
-        """Take up a lattice that this simulation moved before another one; `restore`
-        has to follow."""
+    def write_again(self, load: Load, snapshot: Snapshot) -> None:
+        """Take up a lattice that this simulation moved before another one, in a later
+        state."""
         self._take(load.lattice, load.model, load.dt, load.arrangement)
         self.load = load
-        owner.call(self.state.begin_again, load.written)
+        owner.call(self.state.begin_again, load.written, snapshot)
+        self.step_number = snapshot.step
 
     def _take(
         self, lattice: Lattice, model: Model, dt: float, arrangement: Arrangement

@@ -30,6 +30,9 @@ QUIET_TIME = 2.0  # without a command, after which nobody seems to play [s]
 SWEEP_TIME = 60.0  # after which sessions that nobody wants are forgotten [s]
 MAX_PAUSE = 0.25  # between two pictures of a session that takes long [s]
 MAX_PARTS = 2.0  # most that a session may take of the time, in equal parts
+# fraction of a picture's time that the next pause pays for; later pauses pay the rest,
+# because a new start takes ten times longer than other pictures
+CHARGED = 0.1
 _MAX_IN_FLIGHT = 2  # states that were sent to a page and not yet drawn
 Message = str | bytes
 
@@ -110,6 +113,7 @@ class Seat:
         pages: usually one.
         left: when the last page left [s].
         due: when the session may be served again [s]; inf if its pages have all.
+        cost: processor time of its last pictures, on average [s].
     """
 
     def __init__(self, key: str, session: Session) -> None:
@@ -118,6 +122,7 @@ class Seat:
         self.pages: list[Page] = []
         self.left = perf_counter()
         self.due = 0.0
+        self.cost = 0.0
 
     def wake(self) -> None:
         """Note that there may be something to send."""
@@ -298,11 +303,12 @@ class Audience:
             if now > swept + SWEEP_TIME:
                 swept = now
                 self._drop(now - self._keep_time)
-            ready = [seat for seat in self.seats.values() if seat.is_ready]
-            following = min(ready, key=lambda seat: seat.due, default=None)
+            waiting = [seat for seat in self.seats.values() if seat.due < inf]
+            waiting.sort(key=lambda seat: seat.due)
+            following = next((seat for seat in waiting if seat.is_ready), None)
             due = following.due if following else inf
             if following and due <= now:
-                self._serve(following, len(ready))
+                self._serve(following, len(waiting))
                 await asyncio.sleep(0)  # for the network
             else:
                 await self._wait(min(due - now, SWEEP_TIME))
@@ -329,7 +335,8 @@ class Audience:
         seat.due = inf
         if any(sent):
             spent = thread_time() - used
-            pause = min(spent * sharers / MAX_PARTS, MAX_PAUSE)
+            seat.cost += CHARGED * (spent - seat.cost)
+            pause = min(seat.cost * sharers / MAX_PARTS, MAX_PAUSE)
             seat.due = began + max(1.0 / MAX_RATE, pause)
         if len(self._common.board) > rows:
             for one in self.seats.values():

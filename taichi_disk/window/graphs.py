@@ -146,7 +146,13 @@ class ScaleMaxima:
             self._estimate = estimate_full(segment.scenario, quantity)
             self.colour = self._estimate
             self.force = round_near(segment.scenario.point_force)
-        largest = full_scale(values.astype(np.float64), quantity)
+        # a percentile takes longer than a maximum
+        if np.abs(values).max() >= self.colour:
+            self._fit(full_scale(values.astype(np.float64), quantity))
+        greatest = float(np.hypot(forces[:, 1], forces[:, 2]).max(initial=0.0))
+        self.force = _grown(self.force, greatest)
+
+    def _fit(self, largest: float) -> None:
         if self.colour == 0.0:
             is_noise = largest < _SMALLEST * self._estimate
             self.colour = self._estimate if is_noise else largest
@@ -154,8 +160,6 @@ class ScaleMaxima:
         self.colour = _grown(self.colour, largest)
         if self.colour > before:
             self.note = f"the colour scale has grown: it ends at {self.colour:g}"
-        greatest = float(np.hypot(forces[:, 1], forces[:, 2]).max(initial=0.0))
-        self.force = _grown(self.force, greatest)
 
     def rescale(self) -> None:
         """Fit the colour scale to the next picture alone; to the estimate if that

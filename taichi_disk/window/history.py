@@ -34,6 +34,7 @@ PULLED = "pulled"
 # second one is dropped
 MAX_STATES = 1280
 MAX_BYTES = 1.7e9
+MAX_SPACING = 2.0  # largest spacing of stored states, over the usual one
 SHARERS = 4  # timelines above which each stores fewer states
 
 
@@ -98,13 +99,14 @@ class Segment(Driver):
         if self.simulation.generation == self._generation:
             return
         if self.simulation.generation > 0:
-            self.simulation.write_again(self._load)
+            self.simulation.write_again(self._load, self.state)
         else:  # a larger lattice has taken its place
             self.simulation = self._simulation()
+            self.simulation.restore(self.state)
         if self._mouse:
-            # before the state, which contains the pull
             self.simulation.set_mouse_target(*self._mouse)
-        self.simulation.restore(self.state)
+            # the state contains the pull
+            self.simulation.restore(self.state)
         self._hold()
 
     def let_go(self) -> None:
@@ -319,8 +321,14 @@ class Timeline:
     def due(self) -> int:
         """Steps until the next state is stored."""
         dt = self.segment.step.dt
-        spacing = max(self.spacing * self._memory.thinning, dt)
-        return round((self.checkpoints[-1].t + spacing - self.segment.now) / dt)
+        later = self.checkpoints[-1].t + self._spacing
+        return round((later - self.segment.now) / dt)
+
+    @property
+    def _spacing(self) -> float:
+        """Time between two stored states now [R/c]."""
+        spacing = self.spacing * self._memory.thinning
+        return max(spacing, self.segment.step.dt)
 
     def go(self, steps: int, seconds: float) -> int:
         """Make at most `steps` steps, within about `seconds` of the clock and up to the
@@ -334,8 +342,11 @@ class Timeline:
         end = start + steps
         while segment.state.step < end and segment.status != "failed":
             before = segment.status
-            left = end - segment.state.step
-            segment.advance(until - perf_counter(), min(left, self.due))
+            portion = end - segment.state.step
+            # a launch takes longer than a few steps
+            if portion * segment.step.dt > MAX_SPACING * self._spacing:
+                portion = min(portion, self.due)
+            segment.advance(until - perf_counter(), portion)
             if segment.status not in ("running", before):
                 shorter = segment.begun_again()
                 if shorter is not None:

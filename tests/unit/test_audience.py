@@ -178,23 +178,38 @@ async def test_undisturbed_results_of_everybody_are_on_every_page(audience):
     assert len(late.board) == 2 and not readers[0].sandbox.results
 
 
-@pytest.mark.parametrize(("cost", "pause"), [(0.05, 0.15), (0.001, 1 / 60), (9, 0.25)])
-@visited
-async def test_a_session_that_computes_long_waits_long(
-    audience, monkeypatch, cost, pause
+@pytest.mark.parametrize(
+    ("cost", "once", "always"),
+    [(0.05, 1 / 60, 0.15), (0.001, 1 / 60, 1 / 60), (0.1, 0.03, 0.25)],
+)
+def test_a_session_that_computes_long_waits_long(
+    audience, monkeypatch, cost, once, always
 ):
-    """Six sessions want a picture, and each may take at most twice its part."""
-    used = []
-    monkeypatch.setattr(pages, "thread_time", lambda: cost * len(used))
+    """Six sessions want a picture, and each may take at most twice its part; several
+    pauses pay for one long picture."""
+    reader = Reader(audience)
+    used = 0.0
+    pictures = 0
+
+    def advance(_):
+        nonlocal used, pictures
+        used += cost
+        pictures += 1
+        state = bytes([pictures]) + bytes(HEADER.size)
+        reader.session.messages["state"] = state
+
+    monkeypatch.setattr(reader.session, "advance", advance)
+    monkeypatch.setattr(pages, "thread_time", lambda: used)
     monkeypatch.setattr(pages, "perf_counter", lambda: 100.0)
-    readers = [Reader(audience) for _ in range(6)]
-    for one in readers:
-        monkeypatch.setattr(one.session, "advance", used.append)
-        one.say("press", key="space")
-    await asyncio.sleep(0.1)
-    assert len(used) == 6
-    for one in readers:
-        assert one.page.seat.due == pytest.approx(100.0 + pause)
+    reader.say("press", key="space")
+    seat = reader.page.seat
+    pauses = []
+    for _ in range(80):
+        audience._serve(seat, 6)
+        pauses.append(seat.due - 100.0)
+        reader.page.acknowledge(1e6)
+    assert pauses[0] == pytest.approx(once)
+    assert pauses[-1] == pytest.approx(always, rel=1e-3)
 
 
 @visited
