@@ -216,8 +216,19 @@ class Simulation:
         state."""
         self._take(load.lattice, load.model, load.dt, load.arrangement)
         self.load = load
-        owner.call(self.state.begin_again, load.written, snapshot)
+        self._write_state(load.written, snapshot)
+        owner.call(self.state.begin_again, load.written)
         self.step_number = snapshot.step
+
+    def _write_state(self, written: Written, snapshot: Snapshot) -> None:
+        """Put a state into what was written, in place of the first state."""
+        _, (masses, points, sums, *_), values = written
+        first = 2 * masses
+        end = first + snapshot.vectors[:, 0].size * points
+        vectors = values[first:end].reshape(points, -1, 2)
+        # pairs of numbers, which NumPy copies as one
+        vectors.view(complex)[:masses, :, 0] = snapshot.vectors.view(complex)[..., 0].T
+        values[end : end + sums] = snapshot.sums
 
     def _take(
         self, lattice: Lattice, model: Model, dt: float, arrangement: Arrangement

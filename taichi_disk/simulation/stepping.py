@@ -153,7 +153,6 @@ class PointFields:
         # One kernel writes all of them, because loading a compiled kernel takes 30 ms.
         self.scalars = [field for field, _ in numbers]
         self.fields = [fields for fields, _ in contents]
-        self._widths = np.array([len(fields) for fields in self.fields])
         scalars = np.array([number for _, number in numbers], np.float64)
         arrays = [np.asarray(values, np.float64) for _, values in contents]
         for fields, values in zip(self.fields, arrays, strict=True):
@@ -163,17 +162,8 @@ class PointFields:
         self._begin(scalars, rows, values)
         return scalars, rows, values
 
-    def begin_again(self, written: Written, snapshot: Snapshot) -> None:
-        """Write what `begin` has written, with a later state in place of the first
-        one."""
-        scalars, rows, values = written
-        masses, points, sums, _ = np.cumsum(rows[:4] * self._widths[:4])
-        # pairs of numbers, which NumPy copies as one
-        pairs = snapshot.vectors.view(np.complex128)[:, :, 0]
-        vectors = values[masses:points].view(np.complex128).reshape(-1, len(pairs))
-        vectors[: pairs.shape[1]] = pairs.T
-        values[points:sums] = snapshot.sums
-        self._begin(scalars, rows, values)
+    def begin_again(self, written: Written) -> None:
+        self._begin(*written)
 
     @ti.kernel
     def _begin(self, numbers: Reals1, rows: Integers1, values: Reals1):
