@@ -1,4 +1,5 @@
-"""One Chromium and one Firefox for all tests, and the program that serves the page."""
+"""One Chromium and one Firefox for all tests, the program that serves the page, and
+runs without a plot."""
 
 from __future__ import annotations
 
@@ -63,3 +64,10 @@ def served(tmp_path: Path) -> Iterator[Served]:
         yield program, url
         if program.poll() is None:
             ended(program)
+
+
+@pytest.fixture
+def without_plots(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave plot.png empty: to draw it takes longer than most runs of the tests."""
+    draw = "taichi_disk.api.work.plot_run"
+    monkeypatch.setattr(draw, lambda path, *_: path.touch())

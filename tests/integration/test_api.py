@@ -23,6 +23,7 @@ from taichi_disk.errors import InputError
 from taichi_disk.lattice import OwnStart
 from taichi_disk.machine import cores
 
+pytestmark = pytest.mark.usefixtures("without_plots")
 SMALL = {"lattice.points": 60, "material.eta_star": 0}
 SCENE = load_scene("exponential_wall").with_(SMALL)
 

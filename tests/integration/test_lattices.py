@@ -19,6 +19,7 @@ SMALL = {"lattice.points": 60, "lattice.seed": 3, "material.viscosity": 0.0091}
 SCENE = load_scene("exponential_wall").with_(SMALL)
 
 
+@pytest.mark.usefixtures("without_plots")
 @pytest.mark.parametrize(
     ("kind", "keys"),
     [

@@ -223,6 +223,7 @@ def test_an_export_that_fails_takes_no_result_with_it(tmp_path, monkeypatch, com
     assert set(contents(tmp_path / "o")) == {*FILES, "plot.png"}
 
 
+@pytest.mark.usefixtures("without_plots")
 @pytest.mark.parametrize("name", ["final.npz", "timeseries.csv", "summary.json"])
 def test_a_full_disk_takes_no_number_with_it(tmp_path, monkeypatch, command, name):
     written = files.atomic_write
