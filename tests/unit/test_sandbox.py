@@ -10,6 +10,7 @@ from taichi_disk.computation.outcome import compute
 from taichi_disk.errors import InputError
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.observables import ENERGY_INDICES, INDEX
+from taichi_disk.window import history
 from taichi_disk.window.app import list_presets
 from taichi_disk.window.sandbox import Sandbox, with_key
 
@@ -203,6 +204,26 @@ def test_slow_motion_begins_at_a_hundredth_of_a_hit_s_force(sandbox, force, expe
         steps.append(sandbox.advance(1 / 60))
     pace = np.mean(steps[-20:]) * segment.step.dt * 60
     assert pace == pytest.approx(expected, rel=0.15)
+
+
+def test_states_are_remembered_evenly_beyond_the_time_limit_of_a_run(
+    kernels, monkeypatch
+):
+    monkeypatch.setattr(history, "MAX_STATES", 60)
+    sandbox = opened(kernels, [*SMALL, "impact.max_time=5"])
+    for eta_star in (1.0, 2.0):
+        sandbox.set("material.eta_star", eta_star)
+        for _ in range(40):
+            sandbox.time.go(50, np.inf)
+    times = np.array([one.t for one in sandbox.time.checkpoints])
+    apart = np.diff(times)
+    assert 60 > len(times) >= 29
+    assert times[0] < 1.0
+    assert 5.0 < sandbox.time.display.t < times[-1] + apart.max()
+    # about the change and the scene's end
+    is_apart = np.abs(apart / np.median(apart) - 1.0) > 0.01  # steps differ a little
+    assert np.count_nonzero(is_apart) <= 4
+    assert sandbox.time.checkpoints[0].segment is not sandbox.time.segment
 
 
 def test_single_states_back_and_forth(sandbox):
