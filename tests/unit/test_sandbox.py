@@ -96,6 +96,7 @@ def test_the_result_is_a_run_s_to_the_bit_also_after_going_back(
         assert np.array_equal(past.v, v)
         sandbox.pause()  # go on from there
         assert sandbox.time.display.t == past.t
+        assert sandbox.time.checkpoints[-1].t == past.t  # later ones are forgotten
         assert np.array_equal(sandbox.time.display.row, past.row)
         sandbox.speed = 1e6
         # the scene ends at its row, however fast the machine
