@@ -23,16 +23,12 @@ THROW_AXES = ["eta_star", "seed", "velocity"]
 PAPER = "paper: d₁ = 0.973, d₂ = 0.119"
 
 
-def test_planted_parameters_of_eq_5_and_of_eq_4_come_back():
+def test_planted_parameters_of_eq_5_come_back():
     for d1, d2 in ((0.973, 0.119), (1.0, 0.6), (1.6, 1.4)):
         fit = theory.fit_restitution(V, theory.paper_restitution(V, d1, d2)[None])
         assert fit.values == pytest.approx({"d1": d1, "d2": d2}, rel=1e-6)
         assert fit.rms < 1e-7
         assert not fit.intervals
-    e = np.array([[quasistatic_impact(v, 0.0731, 1.1).restitution for v in V]])
-    fit = theory.fit_tau0(V, e, 1.1)
-    assert fit.values["tau0"] == pytest.approx(0.0731, rel=1e-4)
-    assert fit.rms < 1e-6
 
 
 def test_a_planted_b_comes_back_and_each_lattice_has_its_own():
@@ -111,16 +107,12 @@ def test_the_table_of_eq_4_is_as_good_as_its_integral_at_any_stiffness(e_star):
     unit = e_star**-0.5
     for tau0 in (0.0, 3e-3 * unit, 0.0412 * unit, 0.33 * unit, 1.7 * unit):
         exact = [quasistatic_impact(v, tau0, e_star).restitution for v in (3e-3, 5e-2)]
-        np.testing.assert_allclose(
-            predict(np.array([tau0]))[0], exact, rtol=0, atol=1e-6
-        )
-    again = theory.quasistatic_curves.__wrapped__((3e-3, 5e-2), e_star)
-    assert (again(np.array([0.33 * unit])) == predict(np.array([0.33 * unit]))).all()
+        assert predict(np.array([tau0]))[0] == pytest.approx(exact, rel=0, abs=1e-6)
     # A fit to data from the table recovers tau0.
     e = np.array([[quasistatic_impact(v, 0.3 * unit, e_star).restitution for v in V]])
-    assert theory.fit_tau0(V, e, e_star).values["tau0"] == pytest.approx(
-        0.3 * unit, rel=1e-4
-    )
+    fit = theory.fit_tau0(V, e, e_star)
+    assert fit.values["tau0"] == pytest.approx(0.3 * unit, rel=1e-4)
+    assert fit.rms < 1e-6
 
 
 def curve_up_to(speed, young):

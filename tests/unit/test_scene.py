@@ -284,9 +284,8 @@ def test_a_file_name_may_have_any_character_but_control_characters(tmp_path, nam
         folder.mkdir()
     except (OSError, UnicodeError):
         pytest.skip("the file system does not take this name")
-    (folder / "scene.yaml").write_text(
-        "scene: exponential_wall\nlattice: {file: disk.csv}\n", encoding="utf-8"
-    )
+    text = "scene: exponential_wall\nlattice: {file: disk.csv}\n"
+    (folder / "scene.yaml").write_text(text)
     scene = load_scene(folder / "scene.yaml")
     assert scene.lattice.file == str(folder / "disk.csv")
     changed = scene.with_(velocity=0.03)

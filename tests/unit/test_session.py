@@ -149,9 +149,8 @@ def test_a_state_holds_what_the_sandbox_sees(session):
     x = floats[len(INDEX) + len(CURVES) :][: 2 * points].reshape(-1, 2)
     np.testing.assert_allclose(x, seen.x, rtol=1e-6, atol=1e-6)
     energies = floats[len(INDEX) :][:5]
-    assert energies.sum() == pytest.approx(
-        session.sandbox.time.segment.scenario.reference_energy, rel=1e-4
-    )
+    energy = session.sandbox.time.segment.scenario.reference_energy
+    assert energies.sum() == pytest.approx(energy, rel=1e-4)
     graphs = json.loads(session.messages["graphs"])
     assert len(graphs["values"]) == len(CURVES) and graphs["t"][0] == 0.0
 
