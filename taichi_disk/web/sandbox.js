@@ -487,7 +487,9 @@ export class Sandbox {
     const others = this.board.filter(({ disk }) => disk !== this.disk);
     const results = ui.class.checked ? [...others, ...panel.results] : panel.results;
     for (const id of ["copy", "csv"]) ui[id].disabled = !results.length;
-    ui.clear.disabled = !panel.results.length;
+    // Of the class's results, the first page can clear all.
+    ui.clear.dataset.command = ui.class.checked ? "wipe" : "clear";
+    ui.clear.disabled = ui.class.checked ? this.disk !== 1 : !panel.results.length;
     showResults(ui.table, results, !ui.class.checked);
     const title = drawing.scene.labels.curve;
     const options = { title, range: panel.loadRange, fitted: ui.eq5.checked };

@@ -60,7 +60,8 @@ class Page:
         self._unsent = unsent
         self._in_flight: list[int] = []  # numbers of states
         self._messages: dict[str, Message] = {}  # the last message of each kind
-        self._on_board = 0  # rows of the class's board that it has
+        self._board: list[dict[str, Any]] = []  # the class's, and rows that it has
+        self._on_board = 0
 
     @property
     def is_ready(self) -> bool:
@@ -98,11 +99,15 @@ class Page:
             self._in_flight.append(session.number)
         for message in news.values():
             self._send(message)
-        rows = board[self._on_board :]
-        if rows:
-            self.tell("board", first=self._on_board, rows=rows)
+        if board is not self._board:
+            self._board = board
+            self._on_board = -1  # it has been emptied
+        first = max(self._on_board, 0)
+        is_news = len(board) > self._on_board
+        if is_news:
+            self.tell("board", first=first, rows=board[first:])
             self._on_board = len(board)
-        return bool(news or rows)
+        return bool(news) or is_news
 
 
 class Seat:
@@ -326,7 +331,8 @@ class Audience:
         began = perf_counter()
         used = thread_time()  # other programs do not count
         session = seat.session
-        rows = len(self._common.board)
+        board = self._common.board
+        rows = len(board)
         if session.is_busy:
             part = max(MAX_COMPUTING_TIME / sharers, MIN_COMPUTING_TIME)
             with alone():  # another thread may compute
@@ -338,6 +344,6 @@ class Audience:
             seat.cost += CHARGED * (spent - seat.cost)
             pause = min(seat.cost * sharers / MAX_PARTS, MAX_PAUSE)
             seat.due = began + max(1.0 / MAX_RATE, pause)
-        if len(self._common.board) > rows:
+        if self._common.board is not board or len(board) > rows:
             for one in self.seats.values():
                 one.wake()

@@ -58,7 +58,7 @@ _METHODS = {
     "sandbox": "scrub t, turn angle final, aim dx dy, throw, pull x y, release, clear,"
     " remove number",
     "scales": "rescale",
-    "session": "rename text",
+    "session": "rename text, wipe",
     "audience": "seen number, alive, film",
 }
 _COMMANDS = {
@@ -232,6 +232,13 @@ class Session:
         that it cannot be that of another disk."""
         letters = [one for one in normalize("NFKC", text) if _is_of_name(one)]
         self.name = "".join(letters)[:MAX_NAME].strip(" -'")
+
+    def wipe(self) -> None:
+        """Empty the class's board and the own table, for the next class. Only the first
+        page can, which is the teacher's."""
+        if self.disk == 1:
+            self._common.board = []
+            self.sandbox.clear()
 
     def _report(self, experiment: Experiment) -> None:
         self._common.report(self.disk, self.name or f"disk {self.disk}", experiment)

@@ -176,6 +176,12 @@ async def test_undisturbed_results_of_everybody_are_on_every_page(audience):
     readers[0].say("clear")
     await drawn(*readers)
     assert len(late.board) == 2 and not readers[0].sandbox.results
+    readers[1].say("wipe")
+    await drawn(*readers, late)
+    assert len(late.board) == 2 and readers[1].sandbox.results
+    readers[0].say("wipe")  # on the first page, which is the teacher's
+    await drawn(*readers, late)
+    assert not any(one.board for one in (*readers, late, Reader(audience)))
 
 
 @pytest.mark.parametrize(
