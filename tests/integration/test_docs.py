@@ -23,6 +23,7 @@ PAGES = [
     ROOT / "CONTRIBUTING.md",
     *sorted((ROOT / "docs").glob("*.md")),
 ]
+PAGES_WITH_CODE = ("tutorial", "api", "extending", "colours", "taichi")
 BLOCK = re.compile(r"^```(\w+)([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"(?:`|^ {4})taichi-disk ([^`\n]+)", re.MULTILINE)
 LINK = re.compile(r"\[[^]\n]*\]\(([^)\s]+)\)")
@@ -66,17 +67,11 @@ def commands(page: Path) -> Iterator[tuple[bool, list[str]]]:
 
 @pytest.mark.validate
 @pytest.mark.parametrize(
-    "name",
-    [
-        "README.md",
-        *(
-            f"docs/{page}.md"
-            for page in ("tutorial", "api", "extending", "colours", "taichi")
-        ),
-    ],
+    "name", ["README", *(f"docs/{page}" for page in PAGES_WITH_CODE)]
 )
 def test_python_blocks_run_from_top_to_bottom(name, tmp_path):
-    code = "\n".join(text for _, text in blocks(ROOT / name, "python"))
+    page = ROOT / f"{name}.md"
+    code = "\n".join(text for _, text in blocks(page, "python"))
     if not code:
         pytest.skip("no code")
     script = tmp_path / "page.py"  # Taichi reads the source of kernels from a file
@@ -167,13 +162,10 @@ def test_every_number_of_a_table_is_in_the_data_named_below_it(name):
         for text in SHOWN.findall(re.sub(r"\([1-6]\)|\]\([^)]*\)|`[^`]*`", " ", rows)):
             digits = text.replace("−", "-").replace(",", "")
             # a whole number is exact
-            half = (
-                0.5 * 10.0 ** -len(digits.partition(".")[2]) if "." in digits else 0.0
-            )
-            near = any(
-                abs(value - float(digits)) <= half * (1 + 1e-6) + 1e-12
-                for value in values
-            )
+            decimals = len(digits.partition(".")[2])
+            half = 0.5 * 10.0**-decimals if decimals else 0.0
+            most = half * (1 + 1e-6) + 1e-12
+            near = any(abs(value - float(digits)) <= most for value in values)
             assert near, f"{text} is not in {files}"
 
 
@@ -181,28 +173,13 @@ def test_the_docstrings_of_the_reference_say_what_every_argument_is():
     from taichi_disk import Lattice, Result, load_scene, run, run_sweep
     from taichi_disk.fields import field
 
-    methods = (
-        Result.state,
-        Result.trajectory,
-        Result.field,
-        Result.export,
-        Result.film,
-        Result.save,
-        Result.load,
-    )
-    for function in (
-        load_scene,
-        run,
-        run_sweep,
-        field,
-        Lattice.disk,
-        Lattice.from_points,
-        *methods,
-    ):
+    names = ("state", "trajectory", "field", "export", "film", "save", "load")
+    methods = [getattr(Result, name) for name in names]
+    functions = (load_scene, run, run_sweep, field, Lattice.disk, Lattice.from_points)
+    for function in (*functions, *methods):
         for name in signature(function).parameters.keys() - {"self", "cls"}:
-            assert re.search(rf"\b{name}: |`{name}`", function.__doc__), (
-                f"{function.__qualname__}: {name}"
-            )
+            is_described = re.search(rf"\b{name}: |`{name}`", function.__doc__)
+            assert is_described, f"{function.__qualname__}: {name}"
 
 
 @pytest.mark.validate
@@ -217,19 +194,12 @@ def test_integrators_give_what_the_page_on_numerics_says():
         row, (ROOT / "docs/numerics.md").read_text("utf-8"), re.MULTILINE
     )
     assert len(found) == 6
+    plain = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
     for eta_star, integrator, steps, e, part, power in found:
-        estimate = float(
-            f"{part}e{power.translate(str.maketrans('⁻⁰¹²³⁴⁵⁶⁷⁸⁹', '-0123456789'))}"
-        )
-        result = run(
-            load_scene(
-                "exponential_wall",
-                [f"material.eta_star={eta_star}", f"time.integrator={integrator}"],
-            ),
-            lattices=1,
-        )
+        estimate = float(f"{part}e{power.translate(plain)}")
+        keys = [f"material.eta_star={eta_star}", f"time.integrator={integrator}"]
+        result = run(load_scene("exponential_wall", keys), lattices=1)
         assert result.summary["steps"] == int(steps.replace(",", ""))
-        assert result.restitution == pytest.approx(
-            float(e), abs=0.6 * 10.0 ** -len(e.partition(".")[2])
-        )
+        digit = 10.0 ** -len(e.partition(".")[2])
+        assert result.restitution == pytest.approx(float(e), abs=0.6 * digit)
         assert result.error == pytest.approx(estimate, rel=0.03)

@@ -47,18 +47,8 @@ def test_a_trajectory_is_read_at_any_time():
 def test_results_are_read_back(tmp_path):
     from taichi_disk.cli import main
 
-    assert (
-        main(
-            [
-                "run",
-                "exponential_wall",
-                "--set=lattice.points=60",
-                "--no-video",
-                f"--out={tmp_path / 'o'}",
-            ]
-        )
-        == 0
-    )
+    words = ["exponential_wall", "--set=lattice.points=60", "--no-video"]
+    assert main(["run", *words, f"--out={tmp_path / 'o'}"]) == 0
     shown = output_of("read_results", str(tmp_path / "o"))
     found, stated = numbers(
         r"kinetic energy (\S+) M c\^2; the energy balance says (\S+)", shown

@@ -44,11 +44,8 @@ def shoot(tmp_path_factory):
         if v is None:
             v = np.zeros_like(x)
         painter.paint(window.get_canvas(), camera, x, v, painter.placed(x), unit)
-        return (
-            window.get_image_buffer_as_numpy()[..., :3]
-            .transpose(1, 0, 2)[::-1]
-            .astype(float)
-        )
+        picture = window.get_image_buffer_as_numpy()[..., :3]
+        return picture.transpose(1, 0, 2)[::-1].astype(float)
 
     yield draw
     os.chdir(tmp_path_factory.mktemp("window"))  # a closing window writes an imgui.ini
@@ -65,24 +62,18 @@ def pixel(picture, at, camera=CAMERA):
     return picture[row, column]
 
 
-def inner_triangles(lattice):
-    """Return the triangles that do not touch the outline, which is drawn over them."""
-    return lattice.triangles[
-        ~np.isin(lattice.triangles, lattice.disk_surface).any(axis=1)
-    ]
-
-
 @pytest.mark.parametrize("colour", QUANTITIES)
 def test_colours_equal_the_field_s_values(shoot, colour):
     painter = Painter(DISK, Springs())
-    corners = inner_triangles(DISK)[::5]
+    # triangles that do not touch the outline, which is drawn over them
+    is_outer = np.isin(DISK.triangles, DISK.disk_surface).any(axis=1)
+    corners = DISK.triangles[~is_outer][::5]
     values = at_points(colour, Triangles(DISK), Springs(), X, V)
     painter.colour = colour
     painter.limit = 1.3 * float(np.abs(values).max())
     for painter.theme in THEMES:
-        picture = shoot(
-            DISK, X, V, colour=colour, theme=painter.theme, limit=painter.limit
-        )
+        look = {"colour": colour, "theme": painter.theme, "limit": painter.limit}
+        picture = shoot(DISK, X, V, **look)
         drawn = np.array([pixel(picture, X[three].mean(axis=0)) for three in corners])
         # The middle of a triangle has the mean colour of its corners or, for nonlinear
         # colours, the colour of the mean value.
@@ -101,10 +92,9 @@ def test_colours_equal_the_field_s_values(shoot, colour):
 def test_a_disk_of_any_number_of_points_is_seen_whole(shoot, points, draw):
     disk = Lattice.disk(points, 1)
     x = disk.positions + [0.0, 1.1]
-    rows, columns = np.nonzero(
-        np.abs(shoot(disk, x, draw=draw, theme="dark") - ground("dark")).sum(axis=-1)
-        > 0.05
-    )
+    picture = shoot(disk, x, draw=draw, theme="dark")
+    is_drawn = np.abs(picture - ground("dark")).sum(axis=-1) > 0.05
+    rows, columns = np.nonzero(is_drawn)
     drawn = np.array([(columns.min(), rows.min()), (columns.max() + 1, rows.max() + 1)])
     there = to_pixels(CAMERA, x)
     # Lines and points are drawn around the positions, by less than 4 pixels at this
@@ -121,17 +111,17 @@ def test_springs_are_seen_on_the_field_of_a_coarse_lattice_only(shoot):
     plain = shoot(DISK, x)
     sprung = shoot(DISK, x, draw="both")
     i, j = DISK.bonds[::5].T
-    darker = np.array(
-        [pixel(plain, at) - pixel(sprung, at) for at in 0.5 * (x[i] + x[j])]
-    ).mean(axis=1)
-    assert (darker > 0.02).mean() > 0.7
+    middles = 0.5 * (x[i] + x[j])
+    darker = [(pixel(plain, at) - pixel(sprung, at)).mean() for at in middles]
+    assert (np.array(darker) > 0.02).mean() > 0.7
     for lattice, y, look in (
         (fine, fine.positions + [0.0, 1.1], {}),
         (DISK, x, {"colour": "fringes"}),
     ):
-        assert np.array_equal(
-            *(shoot(lattice, y, draw=draw, **look) for draw in ("field", "both"))
+        field, both = (
+            shoot(lattice, y, draw=draw, **look) for draw in ("field", "both")
         )
+        assert np.array_equal(field, both)
 
 
 def test_a_spring_has_the_colour_of_its_strain(shoot):
@@ -140,21 +130,20 @@ def test_a_spring_has_the_colour_of_its_strain(shoot):
     painter.colour = "strain"
     painter.draw = "springs"
     painter.limit = 0.02
+
+    def middle(x):
+        """Return the middle of the lowest spring."""
+        return x[np.argsort(x[:, 1])[:2]].mean(axis=0)
+
+    look = {"colour": "strain", "draw": "springs"}
     for strain in (0.013, -0.008, 0.0, 0.05, -0.05):
         x = triangle.positions * [1.0 + strain, 1.0]
-        low = x[np.argsort(x[:, 1])[:2]]
-        drawn = pixel(
-            shoot(triangle, x, colour="strain", draw="springs"), low.mean(axis=0)
-        )
-        assert drawn == pytest.approx(
-            painter.colours(painter.normalised(np.array([strain])))[0], abs=2 / 255
-        )
+        drawn = pixel(shoot(triangle, x, **look), middle(x))
+        (colour,) = painter.colours(painter.normalised(np.array([strain])))
+        assert drawn == pytest.approx(colour, abs=2 / 255)
         painter.magnify = 3.0  # changes the place, not the colours
-        low = painter.placed(x)[np.argsort(x[:, 1])[:2]]
-        grown = pixel(
-            shoot(triangle, x, colour="strain", draw="springs", magnify=3.0),
-            low.mean(axis=0),
-        )
+        picture = shoot(triangle, x, magnify=3.0, **look)
+        grown = pixel(picture, middle(painter.placed(x)))
         assert grown == pytest.approx(drawn, abs=2 / 255)
 
 
@@ -165,11 +154,9 @@ def test_the_wall_is_solid_up_to_where_the_disk_rests(shoot, theme, a):
     body = np.array(THEMES[theme].wall)
     x = DISK.positions - [0.0, DISK.positions[:, 1].min() - edge]
     picture = shoot(DISK, x, wall=ExponentialWall(a, 150.0), edge=edge, theme=theme)
-    assert pixel(picture, np.array([-0.9, edge - 0.02])) == pytest.approx(
-        body, abs=0.01
-    )
-    assert pixel(picture, np.array([0.9, 0.0])) == pytest.approx(body, abs=0.01)
-    haze = pixel(picture, np.array([-1.0, edge + 0.1])) - ground(theme)
+    for place in ((-0.9, edge - 0.02), (0.9, 0.0)):
+        assert pixel(picture, place) == pytest.approx(body, abs=0.01)
+    haze = pixel(picture, (-1.0, edge + 0.1)) - ground(theme)
     share = np.exp(-a * 0.1) * np.linalg.norm(body - ground(theme))
     assert np.linalg.norm(haze) == pytest.approx(share, abs=0.02)
     # Between disk and wall there is nothing: the lowest point lies on the edge.
@@ -185,21 +172,14 @@ def test_the_potential_of_the_elastic_wall_is_drawn_as_a_layer(shoot):
     x[:200] += [0.0, 0.3]
     picture = shoot(both, x, wall=ElasticWall(300.0, 150.0, 0.5), edge=0.05)
     top = x[both.wall_surface][:, 1].mean()
-    assert pixel(picture, np.array([-0.8, top + 0.025])) == pytest.approx(
-        np.array(THEMES["light"].wall), abs=0.01
-    )
-    assert pixel(picture, np.array([-0.8, top + 0.12])) == pytest.approx(
-        ground(), abs=0.01
-    )
+    body = np.array(THEMES["light"].wall)
+    assert pixel(picture, (-0.8, top + 0.025)) == pytest.approx(body, abs=0.01)
+    assert pixel(picture, (-0.8, top + 0.12)) == pytest.approx(ground(), abs=0.01)
 
 
 def test_springs_across_triangles_and_the_edge_of_a_core_are_drawn(shoot):
-    grid = (
-        np.stack(
-            np.meshgrid(np.arange(-4.0, 5.0), np.arange(-4.0, 5.0)), axis=-1
-        ).reshape(-1, 2)
-        / 4.0
-    )
+    line = np.arange(-4.0, 5.0) / 4.0
+    grid = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
     near = cKDTree(grid).query_pairs(0.36, output_type="ndarray")
     squares = np.arange(81).reshape(9, 9)[:-1, :-1].reshape(-1, 1)
     halves = np.concatenate([squares + [0, 1, 10], squares + [0, 10, 9]])
@@ -217,15 +197,12 @@ def test_springs_across_triangles_and_the_edge_of_a_core_are_drawn(shoot):
     x = core.positions + [0.0, 1.1]
     ink = shoot(core, x).sum(axis=-1) < 1.5
     turns = np.linspace(0.0, 6.2, 40)
-    rows = to_pixels(
-        CAMERA, 0.499 * np.stack([np.cos(turns), np.sin(turns)], axis=1) + [0.0, 1.1]
-    ).astype(int)
-    assert all(
-        ink[row - 1 : row + 2, column - 1 : column + 2].any() for column, row in rows
-    )
-    assert not (shoot(replace(core, stiffness=None), x).sum(axis=-1) < 1.5)[
-        rows[:, 1], rows[:, 0]
-    ].any()
+    edge = 0.499 * np.stack([np.cos(turns), np.sin(turns)], axis=1) + [0.0, 1.1]
+    columns, rows = to_pixels(CAMERA, edge).astype(int).T
+    for column, row in zip(columns, rows, strict=True):
+        assert ink[row - 1 : row + 2, column - 1 : column + 2].any()
+    plain = shoot(replace(core, stiffness=None), x).sum(axis=-1) < 1.5
+    assert not plain[rows, columns].any()
 
 
 def test_a_picture_does_not_depend_on_those_before_it(shoot):

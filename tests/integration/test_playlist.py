@@ -39,7 +39,7 @@ class Numbers:
 class Scenes:
     """The numbers of scenes by name, computed when first asked for."""
 
-    def __init__(self, folder) -> None:
+    def __init__(self, folder):
         self._folder = folder
         self._known: dict[str, Numbers] = {}
 
@@ -202,7 +202,7 @@ CLAIMS: dict[str, Callable[[Numbers, Scenes], bool]] = {
 }
 
 
-def test_each_scene_asks_a_question_and_answers_it() -> None:
+def test_each_scene_asks_a_question_and_answers_it():
     assert set(PLAYLIST) == set(CLAIMS)
     for one in PLAYLIST.values():
         question, answer = re.fullmatch(r"([^?]+\?) ([^?]+\.)", one.sentence).groups()
@@ -212,5 +212,5 @@ def test_each_scene_asks_a_question_and_answers_it() -> None:
 
 @pytest.mark.validate
 @pytest.mark.parametrize("name", CLAIMS)
-def test_the_answer_of_a_scene_is_true(scenes, name) -> None:
+def test_the_answer_of_a_scene_is_true(scenes, name):
     assert CLAIMS[name](scenes[name], scenes), (name, scenes[name])

@@ -24,26 +24,13 @@ def runs(tmp_path_factory):
     Python, and a compression."""
     folder = tmp_path_factory.mktemp("runs")
     problem = film_problem()
-    small = [
-        "lattice.points=100",
-        "impact.velocity=0.05",
-        "video.size=240",
-        "video.seconds=0.5",
-        "video.fps=10",
-    ]
+    small = ["lattice.points=100", "impact.velocity=0.05", "video.colour=force"]
+    small += ["video.size=240", "video.seconds=0.5", "video.fps=10"]
     for name, eta in (("lossy", 20), ("elastic", 1)):
-        scene = load_scene(
-            "exponential_wall",
-            [*small, f"material.eta_star={eta}", "video.colour=force"],
-        )
+        scene = load_scene("exponential_wall", [*small, f"material.eta_star={eta}"])
         run(scene, folder / name, video=name == "lossy" and not problem, lattices=1)
-    run(
-        scene,
-        folder / "own",
-        velocities=np.tile([0.01, -0.05], (100, 1)),
-        video=False,
-        lattices=1,
-    )
+    thrown = {"velocities": np.tile([0.01, -0.05], (100, 1))}
+    run(scene, folder / "own", **thrown, video=False, lattices=1)
     press = ["lattice.points=100", "compression.method=newton"]
     run(load_scene("compression", press), folder / "pressed", video=False, lattices=1)
     return [folder / name for name in ("lossy", "elastic", "own", "pressed")]
@@ -63,10 +50,8 @@ def test_filmed_again_a_film_is_the_same_and_the_results_stay(runs):
 @pytest.mark.validate
 def test_two_runs_are_shown_side_by_side(runs, tmp_path, capsys):
     path = tmp_path / "both.png"
-    assert (
-        main(["render", str(runs[0]), "--compare", str(runs[1]), "--out", str(path)])
-        == 0
-    )
+    words = [str(runs[0]), "--compare", str(runs[1]), "--out", str(path)]
+    assert main(["render", *words]) == 0
     size = f"{path.stat().st_size / 1e6:.2g} MB"
     assert f"picture in {path}, {size}\n" in capsys.readouterr().out
     left, right = np.split(np.asarray(Image.open(path)).astype(float), 2, axis=1)
@@ -81,12 +66,10 @@ def test_what_cannot_be_filmed_is_refused_with_the_reason(
 ):
     impact, _, _, pressed = map(str, runs)
     monkeypatch.chdir(tmp_path)
+    nameless = "film.avi: end the name with .mp4, .webm or .gif for a film, .html for"
     for words, says in (
         ([str(tmp_path)], "no run is here"),
-        (
-            [impact, "--out", str(tmp_path / "film.avi")],
-            "film.avi: end the name with .mp4, .webm or .gif for a film, .html for",
-        ),
+        ([impact, "--out", str(tmp_path / "film.avi")], nameless),
         ([impact, "--out", "."], "the current folder"),
         (
             [impact, "--out", "film.mp4", "--format", "png"],

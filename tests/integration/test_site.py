@@ -44,7 +44,7 @@ def formulas(text: str) -> list[tuple[str, bool]]:
     ]
 
 
-def test_every_formula_of_every_page_becomes_mathml(site: Any) -> None:
+def test_every_formula_of_every_page_becomes_mathml(site):
     for page in PAGES:
         text = (
             site.notebook(page) if page.suffix == ".ipynb" else page.read_text("utf-8")
@@ -54,7 +54,7 @@ def test_every_formula_of_every_page_becomes_mathml(site: Any) -> None:
             assert drawn and not re.search(r"[\\{}$]|&amp;", drawn), formula
 
 
-def test_formulas_of_a_page_keep_their_numbers_and_their_vectors(site: Any) -> None:
+def test_formulas_of_a_page_keep_their_numbers_and_their_vectors(site):
     html = (
         r'<p>at <span class="arithmatex">\(x &lt; \mathbf v\)</span></p><div'
         r' class="arithmatex">\[e = 1 \tag{5}\]</div>'
@@ -69,7 +69,7 @@ def test_formulas_of_a_page_keep_their_numbers_and_their_vectors(site: Any) -> N
     )
 
 
-def test_the_reference_has_a_page_that_leads_to_every_reference(site: Any) -> None:
+def test_the_reference_has_a_page_that_leads_to_every_reference(site):
     targets = re.findall(r"\]\(([^)]*)\)", site.reference())
     own = {"scenes.md", "commands.md", "python.md"}
     assert own <= set(targets)
@@ -87,13 +87,11 @@ def test_the_reference_has_a_page_that_leads_to_every_reference(site: Any) -> No
         ("", None),
     ],
 )
-def test_the_site_leads_to_the_page_of_its_repository(
-    site: Any, remote: str, page: str | None
-) -> None:
+def test_the_site_leads_to_the_page_of_its_repository(site, remote, page):
     assert site.web_address(remote) == page
 
 
-def test_folders_are_links_if_the_repository_has_a_page(site: Any) -> None:
+def test_folders_are_links_if_the_repository_has_a_page(site):
     text = "in a clone of this repository, [scenes/](scenes), [CSV files](data)"
     assert site.with_repository(text, None).endswith("`scenes/`, `CSV files`")
     linked = site.with_repository(text, "https://forge.org/disk")
@@ -102,9 +100,7 @@ def test_folders_are_links_if_the_repository_has_a_page(site: Any) -> None:
     assert "[`CSV files`](https://forge.org/disk/tree/HEAD/docs/data)" in linked
 
 
-def test_the_first_screen_has_the_question_the_commands_and_a_film_to_play_with(
-    site: Any,
-) -> None:
+def test_the_first_screen_has_the_question_the_commands_and_a_film_to_play_with(site):
     shown = site.first_screen(
         (ROOT / "README.md").read_text("utf-8").replace("](docs/", "](")
     )
@@ -117,7 +113,7 @@ def test_the_first_screen_has_the_question_the_commands_and_a_film_to_play_with(
     assert "![" not in first and "<iframe" not in rest
 
 
-def test_forges_offer_films_as_files_and_the_site_plays_them(site: Any) -> None:
+def test_forges_offer_films_as_files_and_the_site_plays_them(site):
     for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
         text = page.read_text("utf-8").replace("](docs/", "](")
         links = re.findall(r"^.*\(films/\w+\.html\).*$", text, re.MULTILINE)
@@ -126,7 +122,7 @@ def test_forges_offer_films_as_files_and_the_site_plays_them(site: Any) -> None:
             assert site.FILM.fullmatch(line), page
 
 
-def test_the_site_is_published_by_the_forge_s_own_actions_without_secrets() -> None:
+def test_the_site_is_published_by_the_forge_s_own_actions_without_secrets():
     flow = yaml.safe_load((ROOT / ".github/workflows/site.yml").read_text("utf-8"))
     (job,) = flow["jobs"].values()
     used = [step["uses"] for step in job["steps"] if "uses" in step]
@@ -140,22 +136,14 @@ def test_the_site_is_published_by_the_forge_s_own_actions_without_secrets() -> N
 
 
 @pytest.mark.validate
-def test_the_site_is_built_fetches_nothing_and_finds_what_a_reader_looks_for(
-    tmp_path: Path,
-) -> None:
-    call = [
-        sys.executable,
-        "-m",
-        "mkdocs",
-        "build",
-        "--strict",
-        "--quiet",
-        "--site-dir",
-        str(tmp_path),
-    ]
-    address = {"SITE_URL": "https://forge.org/disk/"}
+def test_the_site_is_built_fetches_nothing_and_finds_what_a_reader_looks_for(tmp_path):
+    build = ["mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path)]
     done = subprocess.run(
-        call, cwd=ROOT, env=os.environ | address, capture_output=True, text=True
+        [sys.executable, "-m", *build],
+        cwd=ROOT,
+        env=os.environ | {"SITE_URL": "https://forge.org/disk/"},
+        capture_output=True,
+        text=True,
     )
     assert done.returncode == 0, done.stderr[-3000:]
     assert "<loc>https://forge.org/disk/model/</loc>" in (
