@@ -194,10 +194,7 @@ def test_a_page_that_reads_nothing_gets_no_queue_and_finds_its_disk_again(
         deaf = socket.socket()
         deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, SMALL_BUFFER)
         deaf.connect(("127.0.0.1", port))
-        async with (
-            guest(port, sock=deaf, max_queue=1) as player,
-            guest(port) as other,
-        ):
+        async with guest(port, sock=deaf, max_queue=1) as player, guest(port) as other:
             await other.see()
             await player.say("press", key="space")
             while pages(audience) == 2:
