@@ -36,12 +36,12 @@ def run_in_node(code, folder):
     return json.loads(subprocess.check_output(["node", script], encoding="utf-8"))
 
 
-def drawn(folder, mark, fringes=False):
+def drawn(folder, mark, fringes=False, springs=(0, 6, 3, 9)):
     """Return the pixels (SIZE, SIZE, 4) of the fan with values x/SIZE, y upwards."""
     code = f"""
 const field = new Field({{
   points: 13, triangles: new Uint32Array({np.ravel(FAN).tolist()}),
-  springs: new Uint32Array([0, 6, 3, 9]) }});
+  springs: new Uint32Array({list(springs)}) }});
 const map = Uint8Array.from({{ length: 768 }}, (_, k) => Math.floor(k / 3));
 field.draw({SIZE}, {SIZE}, {{ positions: Float32Array.from({POINTS.ravel().tolist()}),
   values: Float32Array.from({(POINTS[:, 0] / SIZE).tolist()}),
@@ -83,6 +83,22 @@ def test_springs_and_points_have_soft_sides_and_their_width(tmp_path):
     assert centroid(corner) == pytest.approx([30.2 - 22.0, 29.7 - 22.0], abs=0.01)
     small = drawn(tmp_path, "{ mark: 2, radius: 1 }")[22:38, 22:38, 3]
     assert centroid(small) == pytest.approx([30.2 - 22.0, 29.7 - 22.0], abs=0.04)
+
+
+@pytest.mark.parametrize("end", [1, 2])  # nearer to x, nearer to y
+def test_an_oblique_spring_lies_between_its_ends(end, tmp_path):
+    opacity = drawn(tmp_path, "{ mark: 1, radius: 1.5 }", springs=(end, end + 6))
+    a, b = RING[[end, end + 6]]
+    part = opacity[10:50, 10:50, 3]
+    rows, columns = np.nonzero(part)
+    along = (b - a) / np.hypot(*(b - a))
+    away = np.column_stack([columns + 10.5, rows + 10.5]) - a
+    distance = along[0] * away[:, 1] - along[1] * away[:, 0]
+    assert np.abs(distance).max() < 2.3
+    assert np.average(distance, weights=part[rows, columns]) == pytest.approx(
+        0.0, abs=0.05
+    )
+    assert len(rows) > 100
 
 
 def centroid(opacity):
@@ -131,6 +147,27 @@ console.log(JSON.stringify(drawn));"""
     assert max(x for x, _ in long) == pytest.approx(15.1)
     heads = [y for x, y in long if y != 5]
     assert max(heads) + min(heads) == pytest.approx(10.0)  # symmetric
+
+
+def test_the_arrow_of_a_velocity_points_along_it_from_the_centre(tmp_path):
+    code = """
+let found;
+const drawing = {
+  context: { strokeText() {}, fillText() {} }, options: { canAim: true, letters: 1 },
+  drawArrow: (...ends) => { found = ends.slice(0, 2); }, toScreen: () => [0, 0] };
+Drawing.prototype.drawVelocity.call(drawing, [1, 2], [0.03, -0.04], {});
+console.log(JSON.stringify([...found, arrowLength(0.05)]));"""
+    start, tip, length = run_in_node(code, tmp_path)
+    assert start == [1, 2]
+    assert tip == pytest.approx([1 + 0.6 * length, 2 - 0.8 * length])
+
+
+def test_below_a_wide_disk_colours_and_arrows_stand_side_by_side(tmp_path):
+    sizes = json.dumps([[1200, 800], [720, 800], [719, 800], [719, 399]])
+    code = f"console.log(JSON.stringify({sizes}.map((size) => footer(...size))));"
+    wide, least, narrow, low = run_in_node(code, tmp_path)
+    assert wide == least < narrow
+    assert low < narrow
 
 
 def test_a_drag_moves_the_picture_with_the_finger_and_a_pinch_keeps_its_place(tmp_path):
@@ -190,6 +227,23 @@ console.log(JSON.stringify([sets, marks, plot.parts.length, caption.parts]));"""
     sets, marks, left, caption = run_in_node(PLOT + code, tmp_path)
     assert sets == [["η* = 10", 2], ["η* = 100", 1]]
     assert (marks, left, caption) == (3, 0, ["e"])
+
+
+def test_a_table_shows_numbers_rounded_texts_as_they_are_and_gaps(tmp_path):
+    code = """
+document.createElement = (tag) => ({ tag, dataset: {}, append(...parts) {
+  this.parts = parts; } });
+const made = { replaceChildren(...parts) { this.parts = parts; } };
+const disturbed = { ...rows[0], value: 0.94321, disturbance: "pulled" };
+showResults(made, [disturbed, rows[1]], false);
+const lines = [...made.parts[1].parts].map(({ parts }) => parts);
+console.log(JSON.stringify(lines.map((cells) => cells.map(({ parts }) => parts[0]))));
+"""
+    plain, pulled = run_in_node(PLOT + code, tmp_path)
+    assert "0.943" in pulled
+    assert "pulled" in pulled
+    assert "rigid" in pulled
+    assert "" in plain
 
 
 CURVES = """
