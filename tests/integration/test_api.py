@@ -602,6 +602,9 @@ def test_an_export_says_at_which_times_its_states_are(result, tmp_path, notices)
     assert notices.messages == [nearest]
     result.export(tmp_path / "d.npz", times=t)
     assert len(notices.messages) == 1
+    result.export(tmp_path / "e.npz", times=0.9 * last * np.linspace(0.1, 1.0, 7))
+    first = ", ".join(f"{t:.6g}" for t in np.load(tmp_path / "e.npz")["t"][:5])
+    assert notices.messages[1].endswith(f"steps, at t = {first}, … R/c")
 
 
 @pytest.mark.parametrize(
