@@ -214,15 +214,15 @@ def test_states_are_remembered_evenly_beyond_the_time_limit_of_a_run(
     sandbox = opened(kernels, [*SMALL, "impact.max_time=5"])
     for eta_star in (1.0, 2.0):
         sandbox.set("material.eta_star", eta_star)
-        for _ in range(40):
-            sandbox.time.go(50, np.inf)
+        for _ in range(4):
+            sandbox.time.go(500, np.inf)
     times = np.array([one.t for one in sandbox.time.checkpoints])
     apart = np.diff(times)
     assert 60 > len(times) >= 29
     assert times[0] < 1.0
     assert 5.0 < sandbox.time.display.t < times[-1] + apart.max()
-    # about the change and the scene's end
-    is_apart = np.abs(apart / np.median(apart) - 1.0) > 0.01  # steps differ a little
+    # within a factor of two, but about the change and the scene's end
+    is_apart = np.abs(np.log2(apart / np.median(apart))) > 1.01
     assert np.count_nonzero(is_apart) <= 4
     assert sandbox.time.checkpoints[0].segment is not sandbox.time.segment
 
