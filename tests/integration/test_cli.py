@@ -436,3 +436,19 @@ def test_whatever_lies_among_the_shipped_scenes_ends_no_command(
     assert "shipped scene: 50%s, latin\n" in capsys.readouterr().out
     assert main(["check", "latin"]) == 2
     assert "latin.yaml:1: not UTF-8 text" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("own", "used"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "3"}, "3")]
+)
+def test_a_command_leaves_the_cores_to_the_simulation_unless_the_user_says_otherwise(
+    own, used
+):
+    code = (
+        "import atexit, os, sys; sys.argv[1:] = ['--version']; atexit.register(lambda:"
+        " print(os.environ['OPENBLAS_NUM_THREADS'], os.environ['MPLBACKEND'],"
+        " flush=True)); from taichi_disk.__main__ import process; process()"
+    )
+    others = {key: value for key, value in os.environ.items() if "OPENBLAS" not in key}
+    ended = python("-c", code, env=others | own)
+    assert ended.stdout.splitlines()[-1] == f"{used} agg"

@@ -193,6 +193,12 @@ def test_the_panel_shows_all_warnings_of_a_run_and_whether_the_user_interfered(s
     assert panel(session)["status"].startswith("same")
 
 
+def test_of_throws_that_make_a_curve_fewer_states_are_kept(session):
+    spacing = session.sandbox.time.spacing
+    say(session, "collect")
+    assert session.sandbox.time.spacing == pytest.approx(20.0 * spacing)
+
+
 @pytest.mark.validate
 def test_a_curve_is_collected_by_itself_and_stops_when_asked(session, monkeypatch):
     monkeypatch.setattr("taichi_disk.window.sandbox.COLLECTING_PACE", 1e4)

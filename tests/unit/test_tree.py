@@ -134,6 +134,7 @@ NO_SCENES = {
     b"- a\n- b\n": "1:1: a scene consists of lines `key: value` (with a space after",
     b"\x89PNG\r\n\x1a\n\0\0": "1: not UTF-8 text (byte 0x89): save it as UTF-8",
     b"scene: x\n# \0": "2:3: the character 0x0 is not allowed in YAML: remove it",
+    b"\n\n\xfc": "3: not UTF-8 text (byte 0xfc): save it as UTF-8",
     b"scene: x\n# \xfcber\n": "2: not UTF-8 text (byte 0xfc): save it as UTF-8",
     b"lattice:\n\tpoints: 3\n": (
         "2:1: not readable as YAML: found character '\\t' that cannot start any token"
