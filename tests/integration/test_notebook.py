@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import asyncio
 import builtins
+import json
 import re
 import shutil
 import socket
@@ -26,6 +27,7 @@ from taichi_disk.render import film_problem
 from taichi_disk.window.session import HEADER
 from tests.browser import Browser
 
+ROOT = Path(__file__).parents[2]
 SETTINGS = ["lattice.points=60", "impact.velocity=0.05"]
 
 
@@ -84,46 +86,44 @@ def test_a_widget_is_played_with_while_cells_compute(tmp_path):
     played(SETTINGS, act)
 
 
+def begin_anew() -> None:
+    """Play with a widget around the user's own `ti.init`."""
+    from taichi_disk.engine import ti
+
+    async def act(sandbox: Any, say: Callable[..., None], sent: list[Any]) -> None:
+        def panel() -> dict[str, Any]:
+            texts = [json.loads(one) for one in sent if isinstance(one, str)]
+            return [one for one in texts if one["kind"] == "panel"][-1]
+
+        def plays() -> bool:
+            return not panel()["paused"] and not panel()["atStart"]
+
+        def is_refused() -> bool:
+            return panel()["paused"] and "fast_math=False" in panel()["message"]
+
+        await until(lambda: any(isinstance(one, bytes) for one in sent))
+        say("press", key="space")
+        await until(plays)
+        ti.init(arch=ti.cpu, default_fp=ti.f64)
+        await until(is_refused)
+        ti.init(arch=ti.cpu, default_fp=ti.f64, fast_math=False)
+        say("press", key="space")
+        await until(lambda: "at the start again" in panel()["message"])
+        say("press", key="space")
+        await until(plays)
+
+    played(SETTINGS, act)
+
+
+def python(code: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", code]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+
+
 @pytest.mark.validate
 def test_a_widget_begins_anew_after_the_user_s_own_init_and_says_so():
-    code = f"""
-import asyncio, json
-from taichi_disk.engine import ti
-from taichi_disk.notebook import Sandbox
-
-async def notebook():
-    sandbox, panels = Sandbox("exponential_wall", {SETTINGS}), []
-    def say(kind, **more):
-        sandbox._handle_custom_msg({{"visitor": 0.5, "do": kind}} | more, [])
-    def send(message, buffers):
-        content = json.loads(message.get("text", "{{}}"))
-        if content.get("kind") == "panel":
-            panels.append(content)
-        if buffers:
-            say("seen", number=9e6)
-    async def until(condition):
-        for _ in range(1200):
-            if condition(panels[-1]):
-                return
-            await asyncio.sleep(0.05)
-        raise AssertionError(panels[-1]["message"])
-    sandbox.send = send
-    say("open")
-    await asyncio.sleep(0.3)
-    say("press", key="space")
-    await until(lambda panel: not panel["paused"] and not panel["atStart"])
-    ti.init(arch=ti.cpu, default_fp=ti.f64)
-    await until(lambda panel: "fast_math=False" in panel["message"] and panel["paused"])
-    ti.init(arch=ti.cpu, default_fp=ti.f64, fast_math=False)
-    say("press", key="space")
-    await until(lambda panel: "at the start again" in panel["message"])
-    say("press", key="space")
-    await until(lambda panel: not panel["paused"] and not panel["atStart"])
-    sandbox.close()
-
-asyncio.run(notebook())
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    name = "tests.integration.test_notebook"
+    done = python(f"from {name} import begin_anew; begin_anew()")
     assert done.returncode == 0, done.stderr
 
 
@@ -138,8 +138,9 @@ async def notebook():
 
 asyncio.run(notebook())
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert "typo: no such file" in done.stderr and done.stderr.count("Traceback") == 1
+    done = python(code)
+    assert "typo: no such file" in done.stderr
+    assert done.stderr.count("Traceback") == 1
 
 
 @pytest.mark.validate
@@ -224,12 +225,11 @@ def test_in_jupyterlab_a_widget_is_played_with(tmp_path, browser):
 
 @pytest.mark.validate
 def test_without_the_extra_the_message_names_it():
-    code = "import sys; sys.modules['anywidget'] = None; import taichi_disk.notebook"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert (
-        "TaichiDiskError: no widget" in done.stderr
-        and "pip install '.[notebook]'" in done.stderr
+    done = python(
+        "import sys; sys.modules['anywidget'] = None; import taichi_disk.notebook"
     )
+    assert "TaichiDiskError: no widget" in done.stderr
+    assert "pip install '.[notebook]'" in done.stderr
 
 
 # ---- what a cell shows of itself
@@ -338,7 +338,7 @@ def test_long_work_shows_a_bar_by_itself_in_a_notebook_which_goes_at_the_end(
     assert "sweep" in told[0] and "100%" in told[-2] and told[-1] == {"text/plain": ""}
 
 
-NOTEBOOKS = sorted((Path(__file__).parents[2] / "docs/notebooks").glob("*.ipynb"))
+NOTEBOOKS = sorted((ROOT / "docs/notebooks").glob("*.ipynb"))
 
 
 @pytest.mark.validate
