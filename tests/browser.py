@@ -69,8 +69,9 @@ class Browser:
         self.resize(SIZE)
         self.emulate()
         self.errors()
-        for file in Path(self._folder.name).glob("disk.*"):
-            file.unlink()
+        for file in Path(self._folder.name).iterdir():
+            if file.suffix != ".log":  # of Firefox's driver
+                file.unlink()
 
     def _started(self) -> Any:
         from selenium import webdriver
