@@ -362,3 +362,8 @@ def test_xi_keeps_its_sign():
     difference = (unloaded.mean() - unloaded.min()) - (rest.mean() - rest.min())
     assert scenario.result(columns)["xi"] == pytest.approx(difference, rel=1e-9)
     assert difference < 0.0
+
+
+def test_the_picture_of_a_flat_body_is_as_high_as_that_of_a_disk():
+    flat = Lattice.from_points(disk(60).positions * [1.0, 0.5])
+    assert load_scene("compression").scenario(flat).view[3] == 2.05
