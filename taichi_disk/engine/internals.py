@@ -144,6 +144,8 @@ def _quick_call(ti: Any) -> Callable[..., Any]:
             if k in self.template_slot_locations:
                 continue
             if isinstance(value, np.ndarray):
+                if not value.flags.c_contiguous:
+                    return full_call(self, *values)
                 context.set_arg_external_array_with_shape(
                     where, value.ctypes.data, value.nbytes, value.shape, 0
                 )
