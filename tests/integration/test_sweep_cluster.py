@@ -231,6 +231,12 @@ class Cluster:
         self.processes.append(started(*command, **options))
         return self.processes[-1]
 
+    def wait_for_worker(self) -> None:
+        from distributed import Client
+
+        with Client(self.address, set_as_default=False) as client:
+            client.wait_for_workers(1, timeout=PATIENCE)
+
     def without_workers(self) -> Cluster:
         for worker in self.workers:
             kill(worker)
@@ -262,6 +268,8 @@ def test_a_dask_worker_without_the_package_is_named(cluster, scene, tmp_path):
     broken = "import sys\nsys.modules['taichi_disk'] = None\n"
     (tmp_path / "sitecustomize.py").write_text(broken)
     cluster.without_workers().add_worker(PYTHONPATH=str(tmp_path))
+    # a worker that joins later closes itself, and the sweep waits for another
+    cluster.wait_for_worker()
     sweep = command(scene, tmp_path / "out", "--scheduler", cluster.address)
     done = subprocess.run(sweep, capture_output=True, text=True, timeout=PATIENCE)
     last = done.stderr.splitlines()[-1]
