@@ -87,7 +87,12 @@ class Face(NamedTuple):
         return _font(_font_file(text, self.bold), self.size)
 
     def width(self, text: str) -> float:
-        return self.font(text).getlength(text)
+        return _width(self, text)
+
+
+@lru_cache(maxsize=4096)
+def _width(face: Face, text: str) -> float:
+    return face.font(text).getlength(text)
 
 
 class Line(NamedTuple):

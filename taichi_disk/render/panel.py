@@ -71,10 +71,11 @@ class Panel:
         self._drawn = lru_cache(artist.begin(draw_panel, scene))
         self._cursor = max(round(_CURSOR * height / 720), 1)
         self._ink = ink(scene.colours["faint"])
+        self._stale = 0, self.width  # columns that show another time
 
     def draw(self, picture: NDArray[np.uint8], t: float) -> None:
-        """Draw the curves up to `t` [R/c] into `picture` (height, width, 4), and a line
-        there."""
+        """Draw the curves up to `t` [R/c] and a line there into `picture` (height,
+        width, 4), which holds what was drawn before."""
         drawn = self._drawn()
         left, right, _, _ = drawn.boxes[0]
         start, *_, end = self._times
@@ -82,8 +83,11 @@ class Panel:
         past = max(column, 0)
         if column >= right:
             past = self.width
-        picture[:, :past] = drawn.past[:, :past]
-        picture[:, past:] = drawn.coming[:, past:]
+        first = min(self._stale[0], past)
+        last = max(self._stale[1], past)
+        picture[:, first:past] = drawn.past[:, first:past]
+        picture[:, past:last] = drawn.coming[:, past:last]
+        self._stale = past, past + self._cursor
         if left <= column < right:
             for _, _, top, bottom in drawn.boxes:
                 picture[top:bottom, column : column + self._cursor, :3] = self._ink

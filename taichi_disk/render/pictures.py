@@ -191,7 +191,8 @@ class Pictures:
         """Return the picture (height, width, 4) with what was drawn, the captions of
         the disks, and the curves up to their time."""
         width = self._width
-        self._pixels[:] = self._still
+        for rows in (slice(self._rows.start), slice(self._rows.stop, None)):
+            self._pixels[rows, : self._disks] = self._still[rows, : self._disks]
         for k, (image, marks) in enumerate(drawn):
             self._place(self._pixels[:, k * width : (k + 1) * width], image)
             for mark in marks:

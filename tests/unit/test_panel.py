@@ -4,6 +4,7 @@ words."""
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from taichi_disk.output.panel import PanelScene, draw_panel
 from taichi_disk.output.plot import TimeCurve
 from taichi_disk.render.palette import THEMES
+from taichi_disk.render.panel import Panel
 
 NAMES = ("flight", "vibration", "elastic", "wall", "dashpots", "boundary", "friction")
 COLOURS = ("#00806A", "#1A1A1E", "#C23F00", "#8F6500", "#1F6FB5", "#8E5BC0", "#882255")
@@ -68,3 +70,16 @@ def test_lines_of_energies_differ_where_a_name_does():
     drawn = draw_panel(replace(shown, curves=[*shown.curves[:-1], dashed]))
     whole = draw_panel(shown)
     assert (drawn.past != whole.past).any()
+
+
+def test_a_panel_shows_its_time_whatever_it_showed_before():
+    shown = scene()
+    drawn = draw_panel(shown)
+    artist = SimpleNamespace(begin=lambda *_: lambda: drawn)
+    panel = Panel(artist, shown)
+    picture = np.zeros((720, 560, 4), dtype=np.uint8)
+    for t in (0.5, 0.9, 0.1, -1.0, 2.0, 0.3, 0.3):
+        alone = np.zeros_like(picture)
+        Panel(artist, shown).draw(alone, t)
+        panel.draw(picture, t)
+        assert (picture == alone).all()
