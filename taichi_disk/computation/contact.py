@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from taichi_disk.lattice import Array
 from taichi_disk.simulation.observables import Columns
 
 # contact lasts while the wall's force exceeds this fraction of its peak
@@ -61,7 +62,7 @@ def results_time(columns: Columns) -> float:
 def vibration_left(columns: Columns) -> float:
     """Return the vibration's energy at `results_time`, kinetic and elastic, over the
     flight's energy at t = 0."""
-    stored = columns["vibration"] + columns["elastic"]
+    stored = _of_vibration(columns)
     left = np.interp(results_time(columns), columns["t"], stored) - stored[0]
     return float(left / columns["translation"][0])
 
@@ -69,9 +70,14 @@ def vibration_left(columns: Columns) -> float:
 def vibration_change(columns: Columns) -> float:
     """Return the change of the vibration's energy between the rows before and after
     `results_time`, over the flight's energy at t = 0."""
-    stored = columns["vibration"] + columns["elastic"]
+    stored = _of_vibration(columns)
     after = np.searchsorted(columns["t"], results_time(columns))
     return float(abs(stored[after] - stored[after - 1]) / columns["translation"][0])
+
+
+def _of_vibration(columns: Columns) -> Array:
+    """Return the kinetic and elastic energy of vibration (rows,) [M c^2]."""
+    return columns["vibration"] + columns["elastic"]
 
 
 def greatest_compression(columns: Columns) -> float:

@@ -107,8 +107,8 @@ class Scenario(ABC):
         result first."""
 
     def result_scales(self, columns: Columns) -> dict[str, float]:
-        """Return, for each result with an error estimate, its approximate error at a
-        relative energy imbalance of 1."""
+        """Return, for each result with an error estimate, the primary one first, its
+        approximate error at a relative energy imbalance of 1."""
         return {self.primary(columns)[0]: 1.0}
 
     def primary(self, columns: Columns) -> tuple[str, float]:

@@ -125,9 +125,9 @@ def _quick_call(ti: Any) -> Callable[..., Any]:
     real_kinds = kernel_impl.primitive_types.real_type_ids
 
     def call(self: Any, *values: Any) -> Any:
-        if self.return_type or not self.func.__code__.co_filename.startswith(OWN_FILES):
+        is_own = self.func.__code__.co_filename.startswith(OWN_FILES)
+        if self.return_type or not is_own or _has_gaps(values):
             return full_call(self, *values)
-        arguments = self.arguments
         # the object whose method the kernel is, and flags
         owner, *flags = [values[k] for k in self.template_slot_locations]
         key = ref(owner), *flags
@@ -139,21 +139,11 @@ def _quick_call(ti: Any) -> Callable[..., Any]:
             return None
         context = kernel.make_launch_context()
         place = 0
-        for k, value in enumerate(values):
-            where = (place,)
-            if k in self.template_slot_locations:
-                continue
-            if isinstance(value, np.ndarray):
-                if not value.flags.c_contiguous:
-                    return full_call(self, *values)
-                context.set_arg_external_array_with_shape(
-                    where, value.ctypes.data, value.nbytes, value.shape, 0
-                )
-            elif id(arguments[k].annotation) in real_kinds:
-                context.set_arg_float(where, value)
-            else:
-                context.set_arg_int(where, value)
-            place += 1
+        for k, argument in enumerate(self.arguments):
+            if k not in self.template_slot_locations:
+                is_real = id(argument.annotation) in real_kinds
+                _pass(context, place, values[k], is_real)
+                place += 1
         runner = program(ti)
         compiled = runner.compile_kernel(
             runner.config(), runner.get_device_caps(), kernel
@@ -162,3 +152,23 @@ def _quick_call(ti: Any) -> Callable[..., Any]:
         return None
 
     return call
+
+
+def _has_gaps(values: tuple[Any, ...]) -> bool:
+    """Return whether an array among the arguments must be copied before a launch."""
+    return any(
+        isinstance(value, np.ndarray) and not value.flags.c_contiguous
+        for value in values
+    )
+
+
+def _pass(context: Any, place: int, value: Any, is_real: bool) -> None:
+    """Set an argument of a launch."""
+    if isinstance(value, np.ndarray):
+        context.set_arg_external_array_with_shape(
+            (place,), value.ctypes.data, value.nbytes, value.shape, 0
+        )
+    elif is_real:
+        context.set_arg_float((place,), value)
+    else:
+        context.set_arg_int((place,), value)
