@@ -32,6 +32,10 @@ def scene(energies=1, letter=20.0, size=(560, 720)):
     return PanelScene(t, curves, labels, "time  [R/c]", size, letter, colours)
 
 
+def panel_of(shown, drawn):
+    return Panel(SimpleNamespace(begin=lambda *_: lambda: drawn), shown)
+
+
 def test_a_curve_is_at_the_row_of_its_value_grey_before_and_coloured_after():
     shown = scene()
     pictures = draw_panel(shown)
@@ -72,14 +76,27 @@ def test_lines_of_energies_differ_where_a_name_does():
     assert (drawn.past != whole.past).any()
 
 
+def test_a_line_stands_at_the_time_between_coloured_and_grey_curves():
+    shown = scene()
+    shown = replace(shown, t=shown.t + 1.0)
+    drawn = draw_panel(shown)
+    picture = np.zeros((720, 560, 4), dtype=np.uint8)
+    panel_of(shown, drawn).draw(picture, 1.25)
+    left, right, top, bottom = drawn.boxes[0]
+    column = left + round(0.25 * (right - left - 1))
+    faint = np.rint(255.0 * np.array(shown.colours["faint"]))
+    assert (picture[top:bottom, column : column + 2, :3] == faint).all()
+    assert (picture[:, :column] == drawn.past[:, :column]).all()
+    assert (picture[:, column + 2 :] == drawn.coming[:, column + 2 :]).all()
+
+
 def test_a_panel_shows_its_time_whatever_it_showed_before():
     shown = scene()
     drawn = draw_panel(shown)
-    artist = SimpleNamespace(begin=lambda *_: lambda: drawn)
-    panel = Panel(artist, shown)
+    panel = panel_of(shown, drawn)
     picture = np.zeros((720, 560, 4), dtype=np.uint8)
     for t in (0.5, 0.9, 0.1, -1.0, 2.0, 0.3, 0.3):
         alone = np.zeros_like(picture)
-        Panel(artist, shown).draw(alone, t)
+        panel_of(shown, drawn).draw(alone, t)
         panel.draw(picture, t)
         assert (picture == alone).all()
