@@ -105,6 +105,18 @@ def test_a_loading_shows_load_and_energy_against_the_compression_and_the_law(ker
     assert labels[-1].get_window_extent().x1 < figure.bbox.x1  # it is not cut off
 
 
+def test_the_curve_of_a_compression_rises_from_0_to_the_result(kernels):
+    settings = ("lattice.points=60", "compression.pressure=0.01")
+    scenario, outcome = computed(kernels, "compression", *settings, estimate=False)
+    columns = outcome.series
+    motion = run_figure(plot_scene(scenario, columns)).axes[0]
+    shown = motion.lines[0].get_ydata()
+    xi = scenario.result(columns)["xi"]
+    assert shown[[0, -1]] == pytest.approx([0.0, xi], abs=1e-4 * xi)
+    last = {name: values[-1] for name, values in columns.items()}
+    assert scenario.momentary_motion(last) == pytest.approx(xi, rel=1e-4)
+
+
 @pytest.mark.validate
 def test_no_law_is_drawn_for_points_of_unknown_moduli(kernels):
     scene = load_scene("compression", ["compression.method=newton"])
