@@ -15,7 +15,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -501,6 +501,19 @@ def test_a_malformed_part_or_number_of_jobs_is_refused(options, message, tmp_pat
 
 
 # ---- executors
+
+
+@pytest.mark.parametrize(
+    ("points", "jobs", "started"),
+    [(300, 1, None), (300, 2, 1), (300, 3, 2), (30_000, 1, None), (30_000, 2, 2)],
+)
+def test_beside_its_processes_a_sweep_computes_short_scenes_itself(
+    points, jobs, started, monkeypatch
+):
+    sweep = load_sweep("figure3", [f"lattice.points={points}"])
+    scenes: Any = {str(k): scene for k, scene in enumerate(sweep.scenes)}
+    monkeypatch.setattr(executors, "Pool", nullcontext)  # stands for its size
+    assert executors.executor_for(None, scenes, jobs, ExitStack()) == started
 
 
 def test_any_executor_gives_the_same_bytes(small, tmp_path):

@@ -57,6 +57,21 @@ def slip():
     print(unknown)  # noqa: F821
 
 
+@pytest.mark.skipif(
+    ti.__version__ != internals.PATCHED, reason="this version is not patched"
+)
+def test_a_slip_in_this_package_s_kernels_is_shown_with_its_line():
+    context = SimpleNamespace(
+        file=internals.OWN_FILES + "x.py",
+        lineno_offset=40,
+        src=["a = 1", "b = c"],
+        func=SimpleNamespace(func=slip.__wrapped__),
+    )
+    transformer = ti.lang.ast.ast_transformer_utils.ASTTransformerContext
+    shown = transformer.get_pos_info(context, SimpleNamespace(lineno=2))
+    assert shown.endswith('x.py", line 42, in slip:\nb = c\n')
+
+
 def test_a_slip_in_the_user_s_own_kernel_is_underlined(kernels):
     with pytest.raises(ti.TaichiNameError, match=r"print\(unknown\).*\n +\^+ *\n"):
         slip()
