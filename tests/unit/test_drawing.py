@@ -9,8 +9,11 @@ import subprocess
 
 import numpy as np
 import pytest
+from bodies import disk
 
 from taichi_disk.figures.theory import fit_restitution
+from taichi_disk.render.geometry import placed
+from taichi_disk.statics.equilibrium import turned
 from taichi_disk.web.drawing import DRAWING, bundle
 
 pytestmark = pytest.mark.skipif(not shutil.which("node"), reason="no node")
@@ -99,6 +102,19 @@ def test_an_oblique_spring_lies_between_its_ends(end, tmp_path):
         0.0, abs=0.05
     )
     assert len(rows) > 100
+
+
+def test_displacements_are_magnified_as_in_films(tmp_path):
+    lattice = disk(40)
+    x = turned(lattice.positions, 0.3) * [1.1, 0.8] + [0.4, 1.3]
+    x += np.random.default_rng(4).normal(0.0, 0.02, x.shape)
+    code = f"""
+const scene = {{ disk_points: 40, rest: {lattice.positions.ravel().tolist()} }};
+const x = Float64Array.from({x.ravel().tolist()});
+console.log(JSON.stringify([...Drawing.prototype.unmoved.call({{ scene }}, x)]));"""
+    unmoved = np.reshape(run_in_node(code, tmp_path), (-1, 2))
+    shown = unmoved + 2.0 * (x - unmoved)
+    assert shown == pytest.approx(placed(lattice, x, 2.0), abs=1e-12)
 
 
 def centroid(opacity):
