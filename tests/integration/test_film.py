@@ -29,7 +29,7 @@ from taichi_disk.render import film_problem, shaders
 from taichi_disk.render.moments import Span, contact_of, time_of, titles
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import THEMES
-from taichi_disk.render.recording import Flight
+from taichi_disk.render.recording import Flight, Recording
 
 needs_vulkan = pytest.mark.skipif(
     film_problem() is not None, reason=str(film_problem())
@@ -753,6 +753,22 @@ def test_velocities_of_the_user_s_own_have_no_flight():
     outcome = computed("exponential_wall", "lattice.points=60", **thrown)
     flight = Flight.of(outcome, 0.33)
     assert (flight.start, flight.end) == (0.0, outcome.series["t"][-1])
+
+
+def test_no_disk_of_a_film_of_several_flies_higher_than_in_a_film_of_its_own():
+    flights = [
+        SimpleNamespace(start=start, end=end, run=SimpleNamespace(series={"t": [last]}))
+        for start, end, last in ((-3.0, 8.0, 5.0), (-1.0, 9.0, 4.0))
+    ]
+    assert film_module.common_span(flights) == (-1.0, 8.0)
+    flights[1].run.series["t"] = [8.5]  # it still goes on
+    assert film_module.common_span(flights) == (-1.0, 8.5)
+
+
+def test_the_longest_arrow_is_four_times_as_long_as_that_of_the_full_force():
+    outcome = computed("exponential_wall", "lattice.points=60")
+    touched = replace(outcome, largest_force=40.0)
+    assert Recording(Flight.of(touched, 0.0), [0.0], []).full_force == 10.0
 
 
 # ---- words
