@@ -310,3 +310,23 @@ console.log(JSON.stringify(seen));"""
     assert 0.087 < fast[1] < 0.12
     assert 6.4 < slow[0] < 10.0
     assert 0.0148 < slow[1] < 0.03
+
+
+def test_a_curve_rises_from_the_low_to_the_high_end_of_its_scale(tmp_path):
+    code = """
+globalThis.devicePixelRatio = 1;
+const measureText = () => ({ width: 20 });
+Object.assign(ctx, { scale() {}, strokeText() {}, fillText() {}, measureText });
+const sheet = { clientWidth: 200, clientHeight: 100, parentNode: plot };
+sheet.getContext = () => ctx;
+const values = [[0, 0.5, 1], [0, 0, 0], [0, 0, 0]];
+graphs.replace({ t: [0, 1, 4], values, motion: ["v", "c"] }, curves);
+graphs.end = 5;
+const shown = [{ curves: graphs.curves.slice(0, 1), before: [], low: -1, high: 1 }];
+graphs.drawGraph(sheet, shown, { t: 4, theme: {}, name: "light" });
+const at = calls.filter(([name]) => name === "lineTo").map(([, x, y]) => [x, y]);
+console.log(JSON.stringify(at));"""
+    curve = [[0, 50], [22, 25], [88, 0]]  # 90 px are left for names
+    now = [[88, 0], [88, 100]]
+    found = run_in_node(PLOT + CURVES + RECORDER + code, tmp_path)
+    assert found == pytest.approx(np.array(curve + now))
