@@ -11,7 +11,6 @@ import pytest
 from bodies import FREE, disk, non_uniform, pressed, shaken
 from numpy.testing import assert_allclose
 
-from taichi_disk import run
 from taichi_disk.computation.outcome import compute
 from taichi_disk.fields import Triangles, stress
 from taichi_disk.integrators import VELOCITY_VERLET
@@ -40,27 +39,6 @@ def test_observables_are_weighted_with_mass(kernels):
     expected = [*centre, *flight, spin, kinetic, 0.02 * centre[1]]
     assert_allclose(found, expected, rtol=1e-11)
     assert np.abs(lattice.mean(x) - x.mean(axis=0)).max() > 1e-3
-
-
-def test_a_heavy_core_makes_a_spinning_disk_turn_slower_for_the_same_angular_momentum(
-    kernels,
-):
-    # Inertia of M = 1: core and rest are sheets of densities q and 1, (1 + (q - 1)
-    # a^4)/(1 + (q - 1) a^2)/2.
-    core = ("lattice.core_radius=0.5", "lattice.core_density=6", "lattice.points=2000")
-    scenario = load_scene("exponential_wall", [*core, "impact.spin=0.1"]).scenario()
-    x = scenario.lattice.positions
-    v = scenario.velocities
-    m = scenario.lattice.masses
-    arm = x - m @ x
-    inertia = 0.5 * (1.0 + 5.0 * 0.5**4) / (1.0 + 5.0 * 0.5**2)
-    assert m.sum() == pytest.approx(1.0, abs=1e-14)
-    assert_allclose(m @ v, [0.0, -0.02], rtol=0, atol=1e-15)
-    spin = m @ (arm[:, 0] * v[:, 1] - arm[:, 1] * v[:, 0])
-    assert spin == pytest.approx(0.1 * inertia, rel=0.05)  # a rim of whole points
-    assert scenario.reference_energy == pytest.approx(
-        0.5 * m @ (v * v).sum(axis=1), rel=1e-12
-    )
 
 
 # ---- rest
@@ -202,34 +180,3 @@ def test_a_scene_repeated_from_its_lattice_file_starts_the_same(tmp_path, name):
     for number in ("point_force", "max_time", "sample_interval", "view"):
         assert getattr(again, number) == getattr(first, number)
     assert again.scene.with_(lattice={"file": "none", "velocities": "none"}) == scene
-
-
-def test_what_belongs_to_points_stays_with_them_however_they_are_numbered(tmp_path):
-    disk = Lattice.disk(60, seed=1, core_radius=0.6, core_stiffness=3, core_density=2)
-    x = disk.positions
-    arrays = {
-        "positions": x,
-        "bonds": disk.bonds,
-        "rest_lengths": disk.rest_lengths,
-        "stiffness": disk.stiffness,
-        "masses": disk.masses,
-        "velocities": np.stack([0.05 * x[:, 1], -0.02 - 0.05 * x[:, 0]], axis=1),
-    }
-    order = np.random.default_rng(0).permutation(60)
-    springs = np.random.default_rng(1).permutation(len(disk.bonds))
-    shuffled = {
-        "bonds": np.argsort(order)[disk.bonds][springs],
-        "rest_lengths": disk.rest_lengths[springs],
-        "stiffness": disk.stiffness[springs],
-    }
-    for name in ("positions", "masses", "velocities"):
-        shuffled[name] = arrays[name][order]
-    found = []
-    for name, content in (("plain", arrays), ("shuffled", shuffled)):
-        path = str(tmp_path / f"{name}.npz")
-        np.savez(path, **content)
-        scene = load_scene("exponential_wall").with_(
-            {"lattice.file": path, "lattice.velocities": path}
-        )
-        found.append(run(scene, lattices=1).numbers)
-    assert found[1] == pytest.approx(found[0], rel=1e-9)

@@ -167,16 +167,6 @@ def test_a_gain_of_e_is_compared_with_its_own_error(kernels):
         assert bool(energy_gained(scenario, outcome.series, error)) is is_told
 
 
-@pytest.mark.validate
-def test_a_gain_above_the_estimated_error_is_told(kernels):
-    _, outcome = computed(kernels, *SLOW)
-    (text,) = outcome.summary["warnings"]
-    columns = outcome.series
-    before, after = columns["com_vx"][[0, -1]] ** 2 / columns["com_vy"][0] ** 2
-    assert f"{before - after:+.3g} from flight along the wall" in text
-    assert "smaller impact.angle" in text
-
-
 def test_vibration_at_the_start_may_become_flight(kernels):
     settings = ("lattice.points=40", "material.eta_star=0", "impact.velocity=0.005")
     scenario = load_scene("exponential_wall", settings).scenario()

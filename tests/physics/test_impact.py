@@ -11,10 +11,9 @@ import reference
 from bodies import SMALL, WALL, advance, computed
 from numpy.testing import assert_array_equal
 
-from taichi_disk.computation.contact import contact_interval
 from taichi_disk.computation.outcome import compute
 from taichi_disk.integrators import INTEGRATORS
-from taichi_disk.lattice import Lattice, OwnStart
+from taichi_disk.lattice import OwnStart
 from taichi_disk.scenes import load_scene
 
 LONG = pytest.mark.validate
@@ -131,28 +130,6 @@ def test_custom_velocities_give_the_run_of_a_scene_with_their_speed(kernels):
     columns = [compute(case, estimate=False).series for case in (own, scene)]
     assert own.result(columns[0]) == scene.result(columns[1])
     assert_array_equal(columns[0]["wall_force"], columns[1]["wall_force"])
-
-
-@pytest.mark.validate
-def test_a_spinning_custom_body_bounces_as_in_dop853(kernels):
-    # A round piece of a hexagonal lattice; two springs are too long for their place, so
-    # it starts strained.
-    i, j = np.meshgrid(np.arange(-4, 5), np.arange(-4, 5), indexing="ij")
-    points = 0.3 * np.stack([i + 0.5 * j, np.sqrt(0.75) * j], axis=-1).reshape(-1, 2)
-    plain = Lattice.from_points(points[np.hypot(*points.T) < 1.0])
-    rest = plain.rest_lengths.copy()
-    rest[[3, 20]] *= 1.02
-    settings = ["material.eta_star=0", "impact.velocity=0.05", "impact.spin=0.05"]
-    # It vibrates from the start, also in its highest modes, so the step is 3 % of the
-    # limit: phase error 1e-4 per period.
-    settings += ["impact.turn=0.3", "time.safety=0.03"]
-    body = Lattice.from_points(plain.positions, plain.bonds, rest)
-    scenario = load_scene("exponential_wall", settings).scenario(body)
-    assert np.ptp(scenario.lattice.rest_lengths) > 0.005
-    columns = compute(scenario, estimate=False).series
-    e, _ = reference_impact(scenario, columns["t"][-1])
-    assert scenario.result(columns)["restitution"] == pytest.approx(e, abs=1e-5)
-    assert np.ptp(columns["angular_momentum"]) > 1e-4
 
 
 HARD = ("impact.velocity=3e-3", "wall.a=3000", "wall.V0=7")
@@ -277,22 +254,3 @@ def assert_has_left(kernels, name, *settings):
     assert later["com_vy"][-1] / before == pytest.approx(
         scenario.result(columns)["restitution"], abs=left + 1e-9
     )
-
-
-@pytest.mark.validate
-def test_the_contact_time_on_a_hard_wall_does_not_depend_on_the_rows(kernels):
-    # Compare with a row for every step; rows at intervals of 0.05 R/c miss the first
-    # and the last push.
-    hard = ("lattice.points=300", "wall.a=12000", "wall.V0=6000", *FAST)
-    found = []
-    for rows in ("auto", "1e-6"):
-        settings = (*hard, f"time.sample_interval={rows}")
-        scenario, outcome = computed(
-            kernels, "exponential_wall", *settings, estimate=False
-        )
-        found.append(scenario.result(outcome.series)["contact_time"])
-    assert found[0] == pytest.approx(found[1], rel=1e-3)
-    every = round(0.05 / outcome.series["t"][1])
-    few = {name: values[::every] for name, values in outcome.series.items()}
-    start, end = contact_interval(few)
-    assert end - start != pytest.approx(found[1], rel=3e-3)

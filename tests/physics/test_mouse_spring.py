@@ -3,13 +3,10 @@ and in the energy balance."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import reference
-from bodies import FALLING, disk, moving_down, non_uniform
-from numpy.testing import assert_array_equal
+from bodies import FALLING, disk, non_uniform
 
 from taichi_disk.integrators import TAKAHASHI_IMADA, TRAPEZOIDAL, VELOCITY_VERLET
 from taichi_disk.physics import Model, MouseSpring, Springs
@@ -78,15 +75,3 @@ def test_a_pulled_point_moves_as_the_exact_solution_and_its_energy_is_accounted_
     assert errors[0] > least * errors[1] > least**2 * errors[2]
     assert errors[-1] < 2e-3 * np.abs(y[0] - x).max()
     assert energy == pytest.approx(work, rel=2e-3)
-
-
-@pytest.mark.validate
-def test_a_mouse_that_pulls_at_nothing_changes_no_bit(kernels):
-    lattice = disk(60, height=0.05)
-    models = FALLING, replace(FALLING, mouse=MOUSE)
-    down = moving_down(lattice, 0.05)
-    rows = []
-    for model in models:
-        simulation = kernels.simulation(lattice, model, VELOCITY_VERLET, down, 5e-3)
-        rows.append(simulation.advance(400, 20)[0])
-    assert_array_equal(*rows)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import reference
-from bodies import ELASTIC, WALL, advance, computed, disk_and_wall
+from bodies import ELASTIC, WALL, advance, disk_and_wall
 from numpy.testing import assert_allclose
 
 from taichi_disk.integrators import VELOCITY_VERLET
@@ -37,22 +37,6 @@ def test_the_scene_matches_its_dashpots_to_the_material_and_the_length_of_the_si
     bottom = (y == y.min()) & (np.abs(x) < width / 2 - 1e-9)
     assert_allclose(z[bottom, 1] / z[bottom, 0], p / s, rtol=1e-12)
     assert (z > 0.0).all()
-
-
-def restitution(kernels, *settings):
-    scenario, outcome = computed(
-        kernels, "absorbing_wall", *WALL, *settings, estimate=False
-    )
-    return scenario.result(outcome.series)["restitution"]
-
-
-@pytest.mark.validate
-def test_a_pinned_wall_reflects_and_a_matched_one_absorbs(kernels):
-    assert 0.97 < restitution(kernels, "wall.boundary=pinned") <= 1.0
-    # The waves carry away a third to a half of the energy (e = 0.76 to 0.44 between the
-    # paper's velocities).
-    weak = ("material.eta_star=0.1", "time.integrator=trapezoidal")
-    assert 0.4 < restitution(kernels, "wall.boundary=dashpot", *weak) < 0.8
 
 
 def test_resets_brake_a_point_as_a_drag_of_2m_over_the_interval(kernels):

@@ -142,9 +142,7 @@ async def test_each_page_has_a_disk_of_its_own_and_gets_it_back(audience):
     assert "alive" in stranger.texts and "alive" not in again.texts
 
 
-@pytest.mark.parametrize(
-    "audience", [{"keep_time": 0.4, "max_seats": 3}], indirect=True
-)
+@pytest.mark.parametrize("audience", [FEW_SEATS], indirect=True)
 @visited
 async def test_a_session_is_forgotten_in_time_or_for_lack_of_room(audience, common):
     readers = [Reader(audience) for _ in range(3)]

@@ -18,7 +18,6 @@ from taichi_disk.lattice import Lattice
 from taichi_disk.lattice.lattice import double_area, polygon_area, triangulate
 from taichi_disk.lattice.network import (
     bending_compliance,
-    largest_eigenvalue,
     network_stiffness,
 )
 from taichi_disk.lattice.random_points import (
@@ -267,16 +266,6 @@ def test_arguments_out_of_range_are_named_and_are_those_of_a_scene():
                 Lattice.disk(**{"points": 50, name: value})
     points = LatticeSection.schema()["points"]
     assert (points.low, points.high) == (MIN_POINTS, MAX_POINTS)
-
-
-@pytest.mark.parametrize("points", [20, 60])
-def test_largest_eigenvalue_is_that_of_the_dense_matrix(points):
-    disk = Lattice.disk(points, 0)
-    masses = 1.0 + np.arange(points) / points
-    stiffness = network_stiffness(disk.positions, disk.bonds, 1.0)
-    scale = 1.0 / np.sqrt(np.repeat(masses, 2))
-    dense = np.linalg.eigvalsh(scale[:, None] * stiffness.toarray() * scale)[-1]
-    assert largest_eigenvalue(stiffness, masses) == pytest.approx(dense, rel=2e-10)
 
 
 @pytest.mark.parametrize("rings", [2, 4])

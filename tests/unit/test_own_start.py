@@ -35,23 +35,23 @@ def store(path, **changes):
     return path
 
 
-def test_a_stored_lattice_is_restored_bit_for_bit(tmp_path):
-    disk = Lattice.read(store(tmp_path / "a.npz"))
+INNER = int(np.setdiff1d(np.arange(60), DISK.disk_surface)[0])
+OUTLINE = DISK.disk_surface
+
+
+@pytest.mark.parametrize(
+    "outline",
+    [None, OUTLINE, np.tile(OUTLINE, 1000), OUTLINE[::-1], changed(OUTLINE, 2, INNER)],
+    ids=["none", "own", "repeated", "reversed", "spoilt"],
+)
+def test_a_stored_lattice_is_restored_bit_for_bit_with_its_triangles_outline(
+    tmp_path, outline
+):
+    disk = Lattice.read(store(tmp_path / "a.npz", disk_surface=outline))
     assert disk.origin == "mine"
     assert disk.notes == ()
     for name, array in STORED.items():
         assert getattr(disk, name).tobytes() == array.tobytes()
-
-
-INNER = int(np.setdiff1d(np.arange(60), DISK.disk_surface)[0])
-
-
-def test_the_outline_is_that_of_the_triangles_whatever_a_file_says(tmp_path):
-    outline = DISK.disk_surface
-    spoilt = changed(outline, 2, INNER)
-    for other in (np.tile(outline, 1000), outline[::-1], spoilt, None):
-        disk = Lattice.read(store(tmp_path / "a.npz", disk_surface=other))
-        assert disk.disk_surface.tobytes() == outline.tobytes()
 
 
 @pytest.mark.parametrize(
