@@ -4,8 +4,6 @@ Each kind of model is compiled once per integrator and process, so use a model f
 if one fits.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -5,8 +5,6 @@ It shares no code with the program, and uses only the contents of lattice.npz an
 parameters of the scene.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

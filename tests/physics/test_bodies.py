@@ -1,8 +1,6 @@
 """Rings, cores and other bodies of non-uniform points and springs, against closed forms
 and dense matrices."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 """Implicit dashpots of a large lattice, solved by iteration: the same motion and
 energies as with a factor."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from bodies import bouncing, disk, moving_down, pressed

@@ -1,7 +1,5 @@
 """Conservation laws of a free lattice, and small bodies with a known motion."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

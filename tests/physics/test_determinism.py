@@ -1,8 +1,6 @@
 """The same scene gives the same bits: when repeated, after other scenes, and when
 replayed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from bodies import computed

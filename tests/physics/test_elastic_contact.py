@@ -1,8 +1,6 @@
 """Contact with the elastic wall: every point finds the spring below it and pushes its
 two ends by the lever rule."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -6,8 +6,6 @@ impact is proportional to h^2; after the impact, when the state is smooth again,
 far smaller.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

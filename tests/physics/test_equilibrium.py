@@ -1,8 +1,6 @@
 """The equilibrium of the pressed disk: at rest, stable, and the same as by a minimiser
 and by relaxation."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -6,8 +6,6 @@ size, so 1e-13 of the largest force is allowed. The walls here are so soft that 
 push many points about as hard as the springs do.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 """Impacts at an angle, with spin and with friction: impulse, torque, the rigid body,
 and independent programs."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from itertools import product

@@ -1,8 +1,6 @@
 """Impacts as scenes: start, end, and restitution and contact time compared with an
 independent solver."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 """The mouse's pull on a point: compared with DOP853, with dashpots of every strength,
 and in the energy balance."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import reference

@@ -6,8 +6,6 @@ steps h and h/2. The whole state is compared, not only e, so no error can hide i
 average.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 

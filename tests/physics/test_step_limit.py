@@ -1,8 +1,6 @@
 """The stability limit of the step, against matrices and oscillators; with the kernels
 in tests/validation/test_endurance.py."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

@@ -1,8 +1,6 @@
 """The stress of a disk at rest under its load: what it transmits, and Hertz's pressure
 in its contact."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 """Dashpots so strong that a step is longer than their relaxation time, in bodies that
 vibrate from the start."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 """Large lattices, stepped subdomain by subdomain on several cores: the same forces,
 motion, energies and bits."""
 
-from __future__ import annotations
-
 import hashlib
 import subprocess
 import sys

@@ -1,8 +1,6 @@
 """Where the energy of an impact goes: translation, rotation, vibration, and the normal
 modes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

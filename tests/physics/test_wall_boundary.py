@@ -1,7 +1,5 @@
 """Sides and bottom of the elastic wall: pinned, reset or absorbing."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The list of scenes: that of a folder."""
 
-from __future__ import annotations
-
 import pytest
 
 from taichi_disk.errors import InputError

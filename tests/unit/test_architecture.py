@@ -1,8 +1,6 @@
 """The structure of the code: no imports in a circle, small files and folders, and one
 thought to a statement. `lint-imports` checks the direction of imports."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections import defaultdict

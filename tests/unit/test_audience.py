@@ -1,13 +1,10 @@
 """Many pages without a browser: each has a disk of its own, and none waits for
 another."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from functools import wraps
 from threading import Event
-from typing import Any
 
 import pytest
 
@@ -23,9 +20,9 @@ class Reader:
 
     def __init__(self, audience, key=""):
         self.audience = audience
-        self.texts: dict[str, Any] = {}
-        self.numbers: list[int] = []
-        self.board: list[Any] = []
+        self.texts = {}
+        self.numbers = []
+        self.board = []
         self.page = audience.join(self.take, key=key)
         self.session = self.page.seat.session
         self.sandbox = self.session.sandbox

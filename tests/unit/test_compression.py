@@ -1,8 +1,6 @@
 """The compression at rest: what is left of the last slow roll is extrapolated from the
 rows of the settling time."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The contact of wall and disk: when results are measured."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Keys and numbers of the sandbox, without a page or a window."""
 
-from __future__ import annotations
-
 from functools import partial
 from itertools import pairwise
 

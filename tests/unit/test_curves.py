@@ -1,8 +1,6 @@
 """Fits recover known parameters, and their intervals contain them as often as they
 should."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

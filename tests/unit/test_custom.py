@@ -1,7 +1,5 @@
 """Custom lattices: from arrays, from files, and the messages about invalid ones."""
 
-from __future__ import annotations
-
 import io
 import os
 import re

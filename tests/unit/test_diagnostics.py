@@ -1,8 +1,6 @@
 """A blow-up is detected within one launch of steps, and reported with time, place,
 likely cause and remedy."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,8 +1,6 @@
 """The doctor tries a real run in another process, survives its crash, and names the
 remedy."""
 
-from __future__ import annotations
-
 import re
 import sys
 

@@ -1,7 +1,5 @@
 """Who may come to the page: tokens, origins, files."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from urllib.parse import urljoin

@@ -1,8 +1,6 @@
 """The page's drawing, curves, fit and typed numbers, run by node: pixels against a
 plain computation, the fit against that of sweeps."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

@@ -1,8 +1,6 @@
 """The loop over time: launches, the end of a scene, restarts, failures, and messages
 about a run."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from bodies import SMALL, computed, driver_of, drivers_of, words

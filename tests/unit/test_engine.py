@@ -1,8 +1,6 @@
 """The engine: selected in one file, imported in a suitable environment, and patched if
 necessary."""
 
-from __future__ import annotations
-
 import os
 import re
 import time

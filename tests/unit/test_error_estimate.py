@@ -1,8 +1,6 @@
 """The error estimate by another run: exact if errors are powers of the step, safe in
 other cases."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from bodies import computed, words

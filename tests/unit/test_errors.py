@@ -1,7 +1,5 @@
 """Messages of the operating system name a file."""
 
-from __future__ import annotations
-
 import os
 import sys
 

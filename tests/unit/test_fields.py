@@ -1,8 +1,6 @@
 """Fields of a state, compared with independent results: elasticity of a perfect
 lattice, virial, rigid motion."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import bodies

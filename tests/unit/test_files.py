@@ -1,8 +1,6 @@
 """Result files appear completely or not at all, and a folder that is not writable is
 refused without a trace."""
 
-from __future__ import annotations
-
 from contextlib import nullcontext
 from pathlib import Path
 

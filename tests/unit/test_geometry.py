@@ -1,8 +1,6 @@
 """Shapes of pictures: the camera, where the wall's edge is drawn, displacements shown
 larger."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from bodies import to_pixels

@@ -1,8 +1,6 @@
 """The disk's lattice: exact numbers of points, distances, a valid triangulation,
 reproducible to the last bit."""
 
-from __future__ import annotations
-
 import hashlib
 
 import numpy as np

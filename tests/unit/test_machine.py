@@ -1,7 +1,5 @@
 """The cores that a process may use, and Pythons that run no files of the user."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,8 +1,6 @@
 """Arrows, dots and lines above pictures: as long and as wide as asked for, with smooth
 edges and a rim."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from PIL import Image

@@ -1,7 +1,5 @@
 """Meshes of other programs, read by meshio."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

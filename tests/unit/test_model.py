@@ -1,8 +1,6 @@
 """A scene has only the laws that it needs, and a compiled simulation serves all
 lattices and parameters."""
 
-from __future__ import annotations
-
 from dataclasses import astuple, replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 """Moduli by the stretch test: exact for a perfect lattice, in the known range for
 random ones."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

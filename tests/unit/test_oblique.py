@@ -1,8 +1,6 @@
 """Results along the wall: the lowest point, the arm of the wall's impulse, and the
 scale of errors."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lattices that a run stored: what the file holds is checked as what a user gives."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the painter shows of forces, without a graphics device."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,8 +1,6 @@
 """Colours of pictures: even maps that the colour-blind can read, and scales that end at
 round numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 """The curves beside a film: where their values are, in their colours, with whole
 words."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,8 +1,6 @@
 """plot.png: the curves are the data of the run, with names and units, and the same
 bytes each time."""
 
-from __future__ import annotations
-
 import filecmp
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """The processes of a sweep: what they import, what comes back, and how they end."""
 
-from __future__ import annotations
-
 import os
 import sys
 import tempfile

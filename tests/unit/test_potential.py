@@ -1,7 +1,5 @@
 """Heights, forces and stiffness of a wall agree with its potential."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

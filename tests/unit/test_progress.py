@@ -1,8 +1,6 @@
 """Progress: a bar on a terminal, silence elsewhere, and a terminal that is left in
 order."""
 
-from __future__ import annotations
-
 import errno
 import io
 

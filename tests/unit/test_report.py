@@ -1,7 +1,5 @@
 """The printed result: no more digits than are significant, with the error beside it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,8 +1,6 @@
 """The folder of a run contains one complete run; finished runs and the user's files are
 never lost."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -1,8 +1,6 @@
 """The sandbox without its window: what is seen is what `run` computes, also after going
 back; hands' work is marked."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

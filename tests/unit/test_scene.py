@@ -1,8 +1,6 @@
 """Scenes as values: defaults, bounds, changes, and that what is written reads back as
 the same scene."""
 
-from __future__ import annotations
-
 from dataclasses import FrozenInstanceError, asdict
 from pathlib import Path
 

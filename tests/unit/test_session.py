@@ -1,8 +1,6 @@
 """A sandbox behind its page, without a page: its commands, and the messages that show
 it."""
 
-from __future__ import annotations
-
 import json
 import os
 import random

@@ -1,7 +1,5 @@
 """Sandboxes that share compiled simulations: each goes on as if it were alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

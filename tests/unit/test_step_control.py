@@ -1,7 +1,5 @@
 """The choice of integrator and step, and when a step is shortened or accepted."""
 
-from __future__ import annotations
-
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial

@@ -1,8 +1,6 @@
 """`taichi_disk.accuracy`: the changes of the scene, the measurements and the
 conclusions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sweep sections: which scenes they define, and the messages about faulty sections."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

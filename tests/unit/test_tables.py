@@ -1,7 +1,5 @@
 """Tables of points: what is read, and that everything else is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

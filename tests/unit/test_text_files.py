@@ -1,8 +1,6 @@
 """Text files of a limited size: encodings, devices, pipes, and files that are too
 large."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import threading

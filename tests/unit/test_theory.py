@@ -1,7 +1,5 @@
 """The continuum laws, compared with closed forms, limits and each other."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,8 +1,6 @@
 """Messages about a scene that cannot be used: place, key, range, nearest name, and all
 faults at once."""
 
-from __future__ import annotations
-
 import re
 from time import process_time
 

@@ -1,7 +1,5 @@
 """A film has the length that was asked for, in every program that plays it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from PIL import Image

@@ -1,8 +1,6 @@
 """The elastic wall's lattice: the disk's material in a rectangle below y = 0, separate
 from the disk."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

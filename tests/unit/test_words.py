@@ -1,7 +1,5 @@
 """Words and scales of pictures: large enough, whole, and apart."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
