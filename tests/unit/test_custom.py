@@ -133,15 +133,12 @@ NO_DISKS = [
     (ROUND[:, 0], {}, "shape (n, 2)"),
     (["a"], {}, "array of real numbers"),
     (10**400, {}, "array of real numbers"),
-    (1 + 2j, {}, "array of real numbers"),
     ([[1j, 0.0]] * 5, {}, "array of real numbers"),
-    ([[1, 2], [3]], {}, "array of real numbers"),
     (ROUND[:2], {}, "3 to 2000000 points, not 2"),
     (np.where(ROUND == 0, np.nan, ROUND), {}, "is not finite"),
     (ROUND * 10, {}, "extend over 20 x"),
     (ROUND + [1.0, 5.0], {}, "x = 1 R"),
     (np.append(ROUND, ROUND[7:8], axis=0), {}, "points 7 and 241 are the same"),
-    (ROUND * [1, 0], {}, "same"),
     (np.linspace(-1, 1, 9)[:, None] * [1, 0.5], {}, "one line"),
     (TWO, {}, "do not form one connected piece"),
     (RIM, {}, "is no corner of a triangle"),
@@ -156,7 +153,6 @@ NO_DISKS = [
     (*spoilt(("rest_lengths", 7), 1e300), "rest_lengths[7]"),
     (GRID, {"rest_lengths": ONES[:3]}, "rest_lengths without springs"),
     (*spoilt(("stiffness", 0), -1.0), "stiffness[0] is"),
-    (*spoilt(("stiffness", 7), 1e-300), "stiffness[7]"),
     (GRID, {"springs": SLANTED, "stiffness": ONES}, "stiffness must have the shape"),
     (GRID, {"stiffness": ONES}, "stiffness without springs"),
     (GRID, {"masses": 0 * ONES}, "masses[0] is 0"),
@@ -333,27 +329,15 @@ def test_custom_triangles_stiffness_and_masses_follow_their_points_and_springs()
 
 
 @pytest.mark.parametrize("name", ["a.csv", "a.npz"])
-@pytest.mark.parametrize(
-    ("kind", "message"),
-    [
-        ("pipe", "is a device or a pipe"),
-        ("device", "is a device or a pipe"),
-        ("folder", "is a folder"),
-        ("too large", "is larger than 500 MB"),
-    ],
-)
-def test_only_a_file_of_a_sensible_size_is_read(tmp_path, name, kind, message):
+def test_only_a_file_of_a_sensible_size_is_read(tmp_path, name):
     path = tmp_path / name
-    if kind == "pipe":
-        os.mkfifo(path)
-    elif kind == "folder":
-        path.mkdir()
-    elif kind == "device":
-        path.symlink_to("/dev/zero")
-    else:
-        path.touch()
-        os.truncate(path, 10**12)
-    with pytest.raises(InputError, match=f"{name}: {message}"):
+    path.touch()
+    os.truncate(path, 10**12)
+    with pytest.raises(InputError, match=f"{name}: is larger than 500 MB"):
+        Lattice.read(path)
+    path.unlink()
+    os.mkfifo(path)
+    with pytest.raises(InputError, match=f"{name}: is a device or a pipe"):
         Lattice.read(path)
 
 

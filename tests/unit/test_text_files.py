@@ -13,9 +13,6 @@ from taichi_disk.text_files import MAX_BYTES, read_text
 
 SCENE = "scene: exponential_wall\nimpact: {velocity: 0.03}  # η\n"
 SWEEP = "scene: exponential_wall\nsweep: {seed: [0]}\n"
-needs_pipes = pytest.mark.skipif(
-    not hasattr(os, "mkfifo"), reason="this system has no named pipes"
-)
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
@@ -39,7 +36,7 @@ def test_a_file_larger_than_the_limit_is_not_read(tmp_path):
         read_text(path, limit=MAX_BYTES - 1)
 
 
-@needs_pipes
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
 def test_a_scene_may_come_from_a_pipe_but_no_other_file_may(tmp_path):
     with pytest.raises(InputError, match=r"^/dev/zero: is a device or a pipe"):
         load_scene("/dev/zero")

@@ -58,24 +58,6 @@ def test_without_viscosity_the_impact_conserves_energy(v):
     )
 
 
-def test_a_constant_logarithm_would_make_the_impact_a_damped_oscillator():
-    # As v -> 0, ln(4/xi) hardly changes in an impact: z'' = -w^2 (z + tau z'), w^2 = pi
-    # E/L, until the force vanishes.
-    v = 1e-280
-    tau = 0.2
-    L = math.log(4 / v)
-    w = math.sqrt(math.pi * E / L)
-    g = tau * w / 2
-    W = math.sqrt(1 - g * g)
-    # With g = tau w/2, s = w t: z = exp(-g s) sin(W s)/W; the force z + tau w z' = 0 at
-    # tan(W s) = -2 g W/(1 - 2 g^2).
-    s = (math.pi - math.atan2(2 * g * W, 1 - 2 * g * g)) / W
-    e = -math.exp(-g * s) * (math.cos(W * s) - g / W * math.sin(W * s))
-    assert quasistatic_impact(v, tau, E).restitution == pytest.approx(
-        e, abs=3 * (1 - e) / L
-    )
-
-
 def test_eq_5_has_no_value_beyond_its_root_and_eq_4_none_for_a_crushed_disk():
     assert theory.paper_restitution(5e-2, 1.0, 3.0) == 0.0
     assert theory.paper_restitution(1e-2, 0.9, 0.3) == pytest.approx(
