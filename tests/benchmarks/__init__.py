@@ -1,10 +1,9 @@
-"""What a step, a run and a command cost on this machine.
+"""What an impact, a command and the page of the sandbox cost on this machine.
 
-    python -m tests.benchmarks                                everything but `sweep`
-    python -m tests.benchmarks kernel --set lattice.seed=1    a part; --help lists them
+    python -m tests.benchmarks page          many pages at once
+    python -m tests.benchmarks precision     error and wall clock of several programs
 
-Runs take turns, so that disturbances of the machine affect all of them equally. Compare
-ratios, not times.
+Compare times of one call, because machines differ and are disturbed.
 """
 
 from taichi_disk.engine import environment

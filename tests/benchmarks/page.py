@@ -6,9 +6,12 @@ import multiprocessing
 import time
 from concurrent.futures import ProcessPoolExecutor
 from itertools import pairwise
+from pathlib import Path
 from statistics import median, quantiles
 
-from .pages import pages, served
+from tests.browser import MISSING, Browser, serving
+
+from .pages import pages
 
 SCENES = (
     ("compression",),
@@ -22,11 +25,9 @@ BROWSED = 4.0  # time of the measurement on the page [s]; no scene ends sooner
 COUNTED = 200  # number of states that are measured
 
 
-def page(_repeats, settings):
+def page(settings):
     """Measure many pages at once, the states per second that Chromium draws, and the
     server's processor time for a state."""
-    from tests.browser import MISSING
-
     yield from pages(settings)
     yield (
         f"{'the page, 1400 x 900':<46}{'ms/state':>10}{'kB/state':>10}"
@@ -83,9 +84,8 @@ def states(scene, settings):
 
 def browse(scene, settings):
     """Return the times between the pictures of a page [s], while its scene moves."""
-    from tests.browser import Browser
-
-    with served(scene, *(f"--set={setting}" for setting in settings)) as (_, address):
+    words = [f"--set={setting}" for setting in settings]
+    with serving(Path(), "--no-open", scene, *words) as (_, address):
         browser = Browser((1400, 900))
         try:
             browser.open(address)

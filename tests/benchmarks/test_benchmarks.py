@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from itertools import pairwise
-from pathlib import Path
 
 import pytest
 
@@ -15,18 +12,6 @@ from taichi_disk import runtime
 from . import precision
 
 VERLET = "run, velocity Verlet"
-ROOT = Path(__file__).parents[2]
-
-
-@pytest.mark.validate
-def test_every_part_that_needs_no_window_prints_its_tables():
-    tiny = ("--repeats=1", "--set=lattice.points=60", "--set=impact.velocity=0.05")
-    line = [sys.executable, "-m", "tests.benchmarks", "kernel", "run", "start-up"]
-    ended = subprocess.run([*line, *tiny], capture_output=True, text=True, cwd=ROOT)
-    assert ended.returncode == 0, ended.stderr
-    printed = ended.stdout
-    assert printed.count("ratio ") == 6
-    assert "attempts: 1" in printed
 
 
 @pytest.mark.validate
