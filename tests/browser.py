@@ -1,4 +1,4 @@
-"""Chromium or Firefox on a page, for tests and benchmarks."""
+"""Chromium or Firefox on a page, and the program that serves it."""
 
 from __future__ import annotations
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import sys
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1] / "taichi_disk"
@@ -18,39 +19,27 @@ WORDS = 4
 
 def texts(tree: ast.AST) -> Iterator[tuple[int, str]]:
     """Yield (line, text), without strings that are statements, such as docstrings."""
-    for child in ast.iter_child_nodes(tree):
-        if isinstance(child, ast.JoinedStr):
-            parts = [
-                part.value if isinstance(part, ast.Constant) else "{…}"
-                for part in child.values
-            ]
-            yield child.lineno, "".join(map(str, parts))
-            yield from texts(
-                ast.Module(
-                    [
-                        part
-                        for part in child.values
-                        if isinstance(part, ast.FormattedValue)
-                    ],
-                    [],
-                )
-            )
-        elif isinstance(child, ast.Constant) and isinstance(child.value, str):
-            yield child.lineno, child.value
-        elif not (
-            isinstance(child, ast.Expr) and isinstance(child.value, ast.Constant)
-        ):
-            yield from texts(child)
+    parts = set()
+    for node in ast.walk(tree):  # parts come after their whole
+        if isinstance(node, ast.Expr):
+            parts.add(node.value)
+        elif isinstance(node, ast.JoinedStr):
+            parts.update(node.values)
+            pieces = [getattr(part, "value", "") for part in node.values]
+            words = [one if isinstance(one, str) else "{…}" for one in pieces]
+            yield node.lineno, "".join(words)
+        elif isinstance(node, ast.Constant) and node not in parts:
+            yield node.lineno, str(node.value)
 
 
 def main(folders: list[str]) -> None:
-    for path in sorted(
-        path for folder in folders or [""] for path in (PACKAGE / folder).rglob("*.py")
-    ):
-        for line, text in texts(ast.parse(path.read_text(encoding="utf-8"))):
+    paths = [*chain.from_iterable((PACKAGE / one).rglob("*.py") for one in folders)]
+    for path in sorted(paths):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for line, text in sorted(texts(tree)):
             if len(text.split()) >= WORDS:
                 print(f"{path.relative_to(PACKAGE)}:{line}: {text}")
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main(sys.argv[1:] or [""])

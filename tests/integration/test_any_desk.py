@@ -4,11 +4,11 @@ without spaces."""
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from programs import command, printed_by
 
 from taichi_disk import load_scene
 from taichi_disk.engine import environment
@@ -109,11 +109,7 @@ def test_all_modules_an_impact_with_film_and_a_sweep_do_without_what_only_posix_
 ):
     place, environment = bare
     (place / "script.py").write_text(script, encoding="utf-8")
-    command = [sys.executable, "script.py"]
-    done = subprocess.run(
-        command, cwd=place, env=environment, capture_output=True, encoding="cp1252"
-    )
-    assert done.returncode == 0, done.stderr[-3000:]
+    printed_by("script.py", cwd=place, env=environment, encoding="cp1252")
     if script is RUN:
         made = {path.name for path in (place / "out" / "a run").iterdir()}
         assert {"video.mp4", "plot.png", "summary.json", "scene.yaml"} <= made
@@ -125,10 +121,7 @@ def test_a_program_that_contains_python_does_not_start_itself(tmp_path):
     application = tmp_path / "application"
     application.write_text("#!/bin/sh\ntouch started\n")
     application.chmod(0o700)
-    done = subprocess.run(
-        [sys.executable, "-c", APPLICATION], cwd=tmp_path, capture_output=True
-    )
-    assert done.returncode == 0, done.stderr[-3000:]
+    printed_by("-c", APPLICATION, cwd=tmp_path)
     assert not (tmp_path / "started").exists()
 
 
@@ -136,8 +129,7 @@ def test_a_program_that_contains_python_does_not_start_itself(tmp_path):
 def test_a_console_of_code_page_1252_gets_a_scene_or_a_message(bare, name, status):
     place, environment = bare
     (place / "größer.yaml").write_text("scene: compression\n# ξ\n", encoding="utf-8")
-    command = [sys.executable, "-m", "taichi_disk", "check", f"{name}.yaml"]
-    done = subprocess.run(command, cwd=place, env=environment, capture_output=True)
+    done = command("check", f"{name}.yaml", cwd=place, env=environment, text=False)
     assert done.returncode == status
     assert b"Traceback" not in done.stderr
     assert status == 0 or done.stderr.startswith(b"error: ?.yaml: no such file")

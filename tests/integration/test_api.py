@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import inspect
-import json
 import os
 import pickle
 import shutil
-import subprocess
-import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
 
 import numpy as np
 import pytest
+from programs import contents, printed_by, python, summary_in
 
 import taichi_disk
 from taichi_disk import Lattice, Result, load_scene, load_sweep, run, run_sweep
@@ -36,10 +34,6 @@ def result() -> Result:
 def alone(scene=SCENE, *more, **options) -> Result:
     """Run a scene on its own lattice, without a film."""
     return run(scene, *more, **{"video": False, "lattices": 1} | options)
-
-
-def contents(folder):
-    return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
 def test_everything_in_all_is_there():
@@ -139,19 +133,16 @@ def test_a_misspelt_keyword_argument_of_run_is_answered_by_the_nearest_name(
 def test_a_saved_result_is_loaded_bitwise_the_same_and_its_summary_names_its_film(
     result, tmp_path
 ):
-    def saved():
-        return json.loads((tmp_path / "r" / "summary.json").read_text())
-
     result.save(tmp_path / "r")
     assert_same(Result.load(tmp_path / "r"), result)
-    assert saved()["restitution"] == result.restitution
+    assert summary_in(tmp_path / "r")["restitution"] == result.restitution
     # the film of this scene that exists
     other = replace(result, summary=result.summary | {"video": "video.mp4"})
     for film in (None, "video.gif"):
         if film:
             (tmp_path / "r" / film).touch()
         other.save(tmp_path / "r")
-        assert saved()["video"] == film
+        assert summary_in(tmp_path / "r")["video"] == film
 
 
 def test_custom_velocities_are_thrown_and_saved_and_make_another_run(tmp_path):
@@ -281,7 +272,7 @@ assert results["by_threads"] == 2 * results["by_this_thread"]
 )
 def test_threads_that_compute_different_scenes_have_the_results_of_one(first, second):
     code = THREADS.replace("FIRST", first).replace("SECOND", second)
-    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
+    printed_by("-c", code)
 
 
 ONE_NUMBER = """
@@ -305,10 +296,8 @@ except InputError as error:
 @pytest.mark.validate
 def test_the_threads_of_a_process_are_chosen_once_and_all_its_results_live_on():
     code = ONE_NUMBER.replace("cores", str(cores()))
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.returncode == 0 and (
-        "this process already computes with" in done.stdout or cores() == 1
-    ), done.stderr
+    printed = printed_by("-c", code)
+    assert "this process already computes with" in printed or cores() == 1
 
 
 @pytest.mark.parametrize("threads", [0, -1, 1.5, "2", 100_000, cores() + 1])
@@ -325,9 +314,7 @@ def test_the_environment_says_how_many_threads_where_nobody_else_does(number):
         "from taichi_disk import engine, runtime; runtime.start();"
         " print(engine.ti.cfg.cpu_max_num_threads)"
     )
-    environment = os.environ | {"TAICHI_DISK_THREADS": number}
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, capture_output=True, text=True, env=environment)
+    done = python("-c", code, env=os.environ | {"TAICHI_DISK_THREADS": number})
     if number == "1":
         assert done.stdout == "1\n"
     else:

@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import re
 import shlex
-import subprocess
-import sys
 from collections.abc import Iterator
 from inspect import signature
 from pathlib import Path
 
 import pytest
+from programs import command, printed_by
 
 ROOT = Path(__file__).parents[2]
 PAGES = [
@@ -76,10 +75,7 @@ def test_python_blocks_run_from_top_to_bottom(name, tmp_path):
         pytest.skip("no code")
     script = tmp_path / "page.py"  # Taichi reads the source of kernels from a file
     script.write_text(code, encoding="utf-8")
-    ended = subprocess.run(
-        [sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True
-    )
-    assert ended.returncode == 0, ended.stderr[-3000:]
+    printed_by(script, cwd=tmp_path)
 
 
 @every_page
@@ -116,8 +112,7 @@ def test_commands_run(page, tmp_path):
             scene = words[1] if len(words) > 1 else ""
             if scene.endswith(".yaml") and not (tmp_path / scene).exists():
                 continue  # a file that the reader makes
-            call = [sys.executable, "-m", "taichi_disk", *words]
-            ended = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True)
+            ended = command(*words, cwd=tmp_path)
             assert ended.returncode == 0, f"{shlex.join(words)}\n{ended.stderr[-2000:]}"
 
 

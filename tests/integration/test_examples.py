@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from programs import printed_by
 
 pytestmark = pytest.mark.validate
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 
 
 def output_of(name: str, *arguments: str) -> str:
-    command = [sys.executable, str(EXAMPLES / f"{name}.py"), *arguments]
-    ended = subprocess.run(command, capture_output=True, text=True)
-    assert ended.returncode == 0, ended.stderr
-    return ended.stdout
+    return printed_by(EXAMPLES / f"{name}.py", *arguments)
 
 
 def numbers(pattern: str, text: str) -> tuple[float, ...]:

@@ -3,15 +3,13 @@ shows the computed data."""
 
 from __future__ import annotations
 
-import base64
-import json
 import re
 import time
-import zlib
 from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
+from programs import packed
 
 from taichi_disk import api, load_scene
 from taichi_disk.cli import main
@@ -30,14 +28,6 @@ def folder(tmp_path_factory):
     film = ["--out", str(folder / "film.html"), "--from", "contact"]
     assert main(["render", str(folder), *film]) == 0
     return folder
-
-
-def packed(path):
-    """Return the JSON and the bytes in a film."""
-    text = re.search(r'id="states">([^<]*)<', path.read_text())[1]
-    data = zlib.decompress(base64.b64decode(text))
-    length = int(np.frombuffer(data[:4], "<u4")[0])
-    return json.loads(data[4 : 4 + length]), data[4 + length :]
 
 
 def test_a_film_is_one_file_that_fetches_nothing_and_carries_its_scene(folder):

@@ -7,7 +7,6 @@ import asyncio
 import builtins
 import json
 import re
-import shutil
 import socket
 import subprocess
 import sys
@@ -26,6 +25,7 @@ from taichi_disk.progress import reported
 from taichi_disk.render import film_problem
 from taichi_disk.window.session import HEADER
 from tests.browser import Browser
+from tests.programs import printed_by, python
 
 ROOT = Path(__file__).parents[2]
 SETTINGS = ["lattice.points=60", "impact.velocity=0.05"]
@@ -115,16 +115,10 @@ def begin_anew() -> None:
     played(SETTINGS, act)
 
 
-def python(code: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", code]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-
-
 @pytest.mark.validate
 def test_a_widget_begins_anew_after_the_user_s_own_init_and_says_so():
     name = "tests.integration.test_notebook"
-    done = python(f"from {name} import begin_anew; begin_anew()")
-    assert done.returncode == 0, done.stderr
+    printed_by("-c", f"from {name} import begin_anew; begin_anew()", cwd=ROOT)
 
 
 @pytest.mark.validate
@@ -138,7 +132,7 @@ async def notebook():
 
 asyncio.run(notebook())
 """
-    done = python(code)
+    done = python("-c", code)
     assert "typo: no such file" in done.stderr
     assert done.stderr.count("Traceback") == 1
 
@@ -158,19 +152,6 @@ def test_a_message_that_another_thread_delivers_is_obeyed_at_once():
         await asyncio.to_thread(press_and_wait)
 
     played(SETTINGS, act)
-
-
-@pytest.mark.validate
-@pytest.mark.skipif(not shutil.which("node"), reason="no node")
-def test_the_widget_s_modules_use_no_name_twice(tmp_path):
-    script = tmp_path / "widget.mjs"
-
-    async def act(sandbox: Any, *_: Any) -> None:
-        script.write_text(sandbox._esm, encoding="utf-8")
-
-    played(["lattice.points=60"], act)
-    done = subprocess.run(["node", "--check", script], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
 
 
 FIND_SANDBOX = """
@@ -225,9 +206,8 @@ def test_in_jupyterlab_a_widget_is_played_with(tmp_path, browser):
 
 @pytest.mark.validate
 def test_without_the_extra_the_message_names_it():
-    done = python(
-        "import sys; sys.modules['anywidget'] = None; import taichi_disk.notebook"
-    )
+    code = "import sys; sys.modules['anywidget'] = None; import taichi_disk.notebook"
+    done = python("-c", code)
     assert "TaichiDiskError: no widget" in done.stderr
     assert "pip install '.[notebook]'" in done.stderr
 

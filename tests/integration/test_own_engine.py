@@ -5,10 +5,9 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
-import sys
 
 import pytest
+from programs import printed_by, python
 
 from taichi_disk.engine import environment
 
@@ -64,17 +63,9 @@ sys.addaudithook(heard)
 """
 
 
-def python(folder, *arguments, **changes):
-    command = [sys.executable, *arguments]
-    variables = os.environ | changes
-    return subprocess.run(
-        command, cwd=folder, env=variables, capture_output=True, text=True, timeout=300
-    )
-
-
 @pytest.mark.validate
 def test_an_old_result_outlives_the_user_s_own_init_and_reset(tmp_path):
-    done = python(tmp_path, "-c", AFTER)
+    done = python("-c", AFTER, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stderr.count("Taichi runs with real_matrix_scalarize=True") == 1
 
@@ -83,7 +74,7 @@ def test_an_old_result_outlives_the_user_s_own_init_and_reset(tmp_path):
 def test_an_engine_started_with_other_settings_is_refused_with_the_line_to_write(
     tmp_path,
 ):
-    done = python(tmp_path, "-c", BEFORE)
+    done = python("-c", BEFORE, cwd=tmp_path)
     messages = re.findall("^Taichi runs with .*$", done.stdout, re.MULTILINE)
     options = ("default_fp=f32", "fast_math=True", "arch=vulkan")
     remedy = (
@@ -98,9 +89,9 @@ def test_an_engine_started_with_other_settings_is_refused_with_the_line_to_write
 
 @pytest.mark.validate
 def test_an_architecture_from_the_environment_changes_nothing(tmp_path):
-    done = python(tmp_path, *RUN, "--set=lattice.points=20", TI_ARCH="vulkan")
-    assert done.returncode == 0, done.stderr
-    assert "restitution" in done.stdout
+    environment = os.environ | {"TI_ARCH": "vulkan"}
+    printed = printed_by(*RUN, "--set=lattice.points=20", cwd=tmp_path, env=environment)
+    assert "restitution" in printed
 
 
 @pytest.mark.validate
@@ -110,13 +101,13 @@ def test_the_engine_sends_nothing_over_the_network(tmp_path, way):
     # newer version.
     (tmp_path / "sitecustomize.py").write_text(HOOK)
     known = os.pathsep.join(filter(None, [str(tmp_path), os.environ.get("PYTHONPATH")]))
-    home = {
+    home = os.environ | {
         "HOME": str(tmp_path),
         "PYTHONPATH": known,
         environment.CACHE: str(environment.cache_folder()),
     }
     ask = "import socket; socket.getaddrinfo('localhost', 1)"
-    probe = python(tmp_path, "-c", ask, **home)
+    probe = python("-c", ask, cwd=tmp_path, env=home)
     assert "SENT socket.getaddrinfo" in probe.stderr
-    done = python(tmp_path, *way, **home)
+    done = python(*way, cwd=tmp_path, env=home)
     assert done.returncode == 0 and "SENT" not in done.stderr, done.stderr

@@ -6,7 +6,6 @@ from __future__ import annotations
 import csv
 import errno
 import io
-import json
 import shutil
 import socket
 import statistics
@@ -22,6 +21,7 @@ from typing import Any
 import numpy as np
 import pytest
 from filelock import FileLock
+from programs import summary_in
 
 from taichi_disk import Lattice, engine, load_scene, load_sweep, run, run_sweep
 from taichi_disk.cli import main
@@ -70,11 +70,6 @@ def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw no figures, because a figure takes a second and the one of `small` is
     enough."""
     monkeypatch.setattr("taichi_disk.figures.drawing.draw", lambda diagram, out: None)
-
-
-def summary_in(folder: Path) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads((folder / "summary.json").read_text())
-    return found
 
 
 def values_at(rows: list[Any], name: str, **axes: float) -> list[float]:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from programs import printed_by, summary_in
 
 from taichi_disk import load_sweep, run_sweep
 
@@ -58,8 +59,7 @@ def started(*arguments: object, **options: Any) -> subprocess.Popen[str]:
 def finish(scene: Path, out: Path, *options: str) -> int:
     """Run the command to its end, and return the number of computed points."""
     subprocess.run(command(scene, out, *options), capture_output=True, check=True)
-    computed: int = json.loads((out / "summary.json").read_text())["computed_now"]
-    return computed
+    return int(summary_in(out)["computed_now"])
 
 
 def wait_until(true: Callable[[], bool], what: str) -> None:
@@ -194,7 +194,7 @@ def test_a_script_needs_no_guard_not_even_from_standard_input(
         "from taichi_disk import load_sweep, run_sweep\n"
         f"run_sweep(load_sweep({str(scene)!r}), {str(tmp_path / 'out')!r}, jobs=2)\n"
     )
-    subprocess.run([sys.executable, "-"], input=script, text=True, check=True)
+    printed_by("-", input=script)
     assert (tmp_path / "out" / "points.csv").read_bytes() == expected
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 import tarfile
 import venv
 from pathlib import Path
 
 import pytest
+from programs import printed_by
 
 ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.validate
@@ -20,11 +20,7 @@ pytestmark = pytest.mark.validate
 def built(tmp_path_factory):
     """Return the folder with the sdist, and the wheel that was built from it."""
     out = tmp_path_factory.mktemp("dist")
-    subprocess.run(
-        [sys.executable, "-m", "build", "--outdir", str(out), str(ROOT)],
-        check=True,
-        capture_output=True,
-    )
+    printed_by("-m", "build", "--outdir", out, ROOT)
     return out
 
 
