@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 import reference
+import yaml
 from programs import contents, summary_in
 
 from taichi_disk import Lattice, engine, load_scene, run
@@ -89,6 +90,9 @@ def test_files_summary_and_columns_are_those_of_the_contract(runs, kind):
     files = contents(stored_run.out)
     assert set(files) == {*FILES, "plot.png"}
     assert files["plot.png"].startswith(b"\x89PNG\r\n\x1a\n")
+    written = yaml.safe_load(files["scene.yaml"])
+    for name, section in stored_run.result.scene.sections().items():
+        assert set(written[name]) == set(section.schema())  # with every default
 
     assert summary == stored_run.result.summary
     section = PAGE.partition("### summary.json")[2].partition("###")[0]
