@@ -121,6 +121,13 @@ def hexagon(rings):
     return Lattice.from_points(points / rings)
 
 
+def changed(array, place, value):
+    """Return the array with another value at one place."""
+    array = array.copy()
+    array[place] = value
+    return array
+
+
 def assert_tiles(positions, triangles, outline):
     """Check that the triangles, all counter-clockwise, fill the outline without gap or
     overlap."""
@@ -248,14 +255,13 @@ def computed(kernels, name, *settings, **options):
 
 def driver_of(kernels, name, *settings, **options):
     """Return a driver at the start of a shipped scene with some `settings`."""
-    scene = load_scene(name, settings)
-    control = control_of(scene, **options)
+    control = control_of(name, *settings, **options)
     return Driver(control.scenario, control.step, kernels)
 
 
 def drivers_of(kernels, name, *settings):
     """Return the drivers of all runs of a shipped scene, the last of them finished."""
-    control = control_of(load_scene(name, settings))
+    control = control_of(name, *settings)
     drivers = []
     while not drivers or control.shortens(drivers[-1]):
         drivers.append(Driver(control.scenario, control.step, kernels))
@@ -263,7 +269,7 @@ def drivers_of(kernels, name, *settings):
     return drivers
 
 
-def control_of(scene, **options):
-    """Return the step control of a scene."""
-    scenario = scene.scenario()
+def control_of(name, *settings, **options):
+    """Return the step control of a shipped scene with some `settings`."""
+    scenario = load_scene(name, settings).scenario()
     return StepControl(scenario, spectrum(scenario.lattice, scenario.model), **options)

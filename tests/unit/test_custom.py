@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import assert_tiles, holes_of
+from bodies import assert_tiles, changed, holes_of
 from scipy.spatial import cKDTree
 
 from taichi_disk.errors import InputError
@@ -112,12 +112,6 @@ def test_springs_of_a_disk_enclose_its_triangles(hole):
 
 
 ONES = np.ones(81)
-
-
-def changed(array, where, value):
-    array = array.copy()
-    array[where] = value
-    return array
 
 
 def spoilt(place, value):

@@ -85,7 +85,7 @@ def test_a_number_that_is_not_finite_is_found_after_a_launch(dt, kernels, monkey
     assert isinstance(driver.failure, BlowUp)
     if dt == "auto":
         # a shorter step is tried, which succeeds
-        control = control_of(driver.scenario.scene)
+        control = control_of(*SMALL, "impact.gap=0.13")
         assert control.shortens(driver)
         again = Driver(driver.scenario, control.step, kernels)
         assert again.advance() == "finished"

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import ELASTIC, disk_and_wall
+from bodies import ELASTIC, changed, disk_and_wall
 
 from taichi_disk import runtime
 from taichi_disk.errors import InputError
@@ -18,12 +18,6 @@ from taichi_disk.simulation.simulation import Simulation
 DISK = Lattice.disk(60, seed=3, core_radius=0.5, core_density=2.0, core_stiffness=2.0)
 ARRAYS = ("positions", "bonds", "rest_lengths", "masses", "stiffness", "triangles")
 STORED = {name: getattr(DISK, name) for name in (*ARRAYS, "disk_surface")}
-
-
-def changed(array, row, value):
-    copy = array.copy()
-    copy[row] = value
-    return copy
 
 
 def store(path, **changes):

@@ -65,9 +65,6 @@ def test_compression_is_blue_and_what_rests_stands_out_from_the_ground(theme):
         assert abs(resting - lightness(np.array(THEMES[theme].ground))) > 14
 
 
-# ---- scales
-
-
 @pytest.mark.parametrize(
     "value", [0.0123, 0.0577, 9.2, 2.3e-5, 0.14, 1e-12, 0.3, 999.9999999999999]
 )

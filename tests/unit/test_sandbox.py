@@ -397,9 +397,6 @@ def test_a_blow_up_is_told_and_any_change_gives_time_back(kernels):
     assert not sandbox.paused
 
 
-# ---- scenes to step through
-
-
 def test_presets_are_the_shipped_scenes_and_what_they_suggest():
     shipped = list_presets(None)
     assert len({one.group for one in shipped}) == 4

@@ -197,12 +197,15 @@ def test_with_changes_keys_and_nothing_else(tmp_path):
             scene.with_(first, **second)
     compression = load_scene("compression")
     with pytest.raises(InputError) as refusal:
-        compression.with_({"wall.b": 3, "pints": 4}, eta_star=-1, lattice=3)
+        changes = {"wall.b": 3, "pints": 4, "rug": {}}
+        compression.with_(changes, eta_star=-1, lattice=3)
     assert str(refusal.value).split("\n  ")[1:] == [
         "lattice: must be a section, that is indented lines of key: value, not 3",
         "material.eta_star: must be a number from 0 to 1e6, not -1 (viscosity eta R/(m"
         " c) per point, as in the paper; 0: no dashpots)",
         "pints: unknown key; did you mean lattice.points?",
+        "rug: unknown key; scene: compression has scene, lattice, material, wall,"
+        " compression, time, video",
         "wall.b: unknown key; wall has a, V0",
     ]
     text = r"^tolerance: write compression\.tolerance or time\.tolerance$"

@@ -5,10 +5,9 @@ from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
-import bodies
 import numpy as np
 import pytest
-from bodies import computed, damped, driver_of, drivers_of, words
+from bodies import computed, control_of, damped, driver_of, drivers_of, words
 
 from taichi_disk.computation import diagnostics, error_estimate
 from taichi_disk.computation.diagnostics import MAX_IMBALANCE, BlowUp
@@ -23,17 +22,11 @@ from taichi_disk.integrators import (
 )
 from taichi_disk.integrators.trapezoidal import factorise
 from taichi_disk.lattice import Lattice
-from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import MAX_STEPS
 
 VV = VELOCITY_VERLET
 IMPACT = ("lattice.points=60", "material.eta_star=0", "impact.velocity=0.05")
 SMALL = ("exponential_wall", *IMPACT)
-
-
-def control_of(name, *settings):
-    """Return the control of a shipped scene with some `settings`."""
-    return bodies.control_of(load_scene(name, settings))
 
 
 @pytest.fixture
