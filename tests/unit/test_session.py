@@ -127,34 +127,11 @@ def test_a_slider_that_is_held_while_the_scene_changes_is_let_be(session):
 # ---- states
 
 
-def unpacked(session):
-    header = HEADER.unpack(session.messages["state"][: HEADER.size])
-    points, forces, values = header[2], header[3], header[5]
-    count = len(INDEX) + len(CURVES) + 2 * points + values + 3 * forces
-    return header, np.frombuffer(session.messages["state"], "<f4", count, HEADER.size)
-
-
-def test_a_state_holds_what_the_sandbox_sees(session):
+@pytest.mark.skipif(not shutil.which("node"), reason="no node")
+def test_the_page_reads_from_a_state_what_the_sandbox_sees(session, tmp_path):
     say(session, "press", key="space")
     while session.sandbox.time.display.values["wall_force"] < 1e-3:
         session.advance()
-    (number, t, points, forces, pulled, *_), floats = unpacked(session)
-    seen = session.sandbox.time.display
-    assert (number, t, points) == (session.number, seen.t, len(seen.x))
-    assert forces > 0
-    assert pulled == -1
-    np.testing.assert_allclose(floats[: len(INDEX)], seen.row, rtol=1e-6)
-    x = floats[len(INDEX) + len(CURVES) :][: 2 * points].reshape(-1, 2)
-    np.testing.assert_allclose(x, seen.x, rtol=1e-6, atol=1e-6)
-    energies = floats[len(INDEX) :][:5]
-    energy = session.sandbox.time.segment.scenario.reference_energy
-    assert energies.sum() == pytest.approx(energy, rel=1e-4)
-    graphs = json.loads(session.messages["graphs"])
-    assert len(graphs["values"]) == len(CURVES) and graphs["t"][0] == 0.0
-
-
-@pytest.mark.skipif(not shutil.which("node"), reason="no node")
-def test_the_page_reads_a_state_as_it_was_packed(session, tmp_path):
     (tmp_path / "state").write_bytes(session.messages["state"])
     shutil.copy(WEB / "message.js", tmp_path / "message.mjs")
     code = f"""
@@ -163,15 +140,29 @@ import {{ unpacked }} from "./message.mjs";
 const bytes = readFileSync("state");
 const buffer = bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.length);
 const state = unpacked(buffer, {json.dumps([*INDEX])}, {len(CURVES)});
-const {{ number, t, row, x, caption }} = state;
-console.log(JSON.stringify([number, t, row.com_y, x.length, caption]));"""
+const plain = (_, value) => (ArrayBuffer.isView(value) ? [...value] : value);
+console.log(JSON.stringify(state, plain));"""
     (tmp_path / "read.mjs").write_text(code, encoding="utf-8")
     read = subprocess.check_output(["node", "read.mjs"], cwd=tmp_path, text=True)
-    number, t, com_y, length, caption = json.loads(read)
+    state = json.loads(read)
     seen = session.sandbox.time.display
-    assert (number, t, length) == (session.number, seen.t, 2 * len(seen.x))
-    assert com_y == pytest.approx(seen.values["com_y"])
-    assert caption.startswith("t = ")
+    assert (state["number"], state["t"], state["pulled"]) == (
+        session.number,
+        seen.t,
+        -1,
+    )
+    for name, value in seen.values.items():
+        assert state["row"][name] == pytest.approx(value, rel=1e-6)
+    np.testing.assert_allclose(state["x"], seen.x.ravel(), rtol=1e-6, atol=1e-6)
+    scales = [session.scales.colour, session.scales.force]
+    assert [state["limit"], state["fullForce"]] == pytest.approx(scales, rel=1e-6)
+    assert len(state["values"]) == len(seen.x)
+    assert state["forces"]
+    energy = session.sandbox.time.segment.scenario.reference_energy
+    assert sum(state["graph"][:5]) == pytest.approx(energy, rel=1e-4)
+    assert state["caption"].startswith("t = ")
+    graphs = json.loads(session.messages["graphs"])
+    assert len(graphs["values"]) == len(CURVES) and graphs["t"][0] == 0.0
 
 
 @pytest.mark.validate
