@@ -146,11 +146,8 @@ console.log(JSON.stringify(state, plain));"""
     read = subprocess.check_output(["node", "read.mjs"], cwd=tmp_path, text=True)
     state = json.loads(read)
     seen = session.sandbox.time.display
-    assert (state["number"], state["t"], state["pulled"]) == (
-        session.number,
-        seen.t,
-        -1,
-    )
+    header = [state[name] for name in ("number", "t", "pulled")]
+    assert header == [session.number, seen.t, -1]
     for name, value in seen.values.items():
         assert state["row"][name] == pytest.approx(value, rel=1e-6)
     np.testing.assert_allclose(state["x"], seen.x.ravel(), rtol=1e-6, atol=1e-6)

@@ -266,6 +266,12 @@ def test_a_tolerance_that_is_not_reached_is_a_failure_with_advice(monkeypatch, k
         computed(kernels, *SMALL[:2], "time.tolerance=1e-9", "impact.velocity=0.1")
 
 
+CHAOTIC = words("""
+    absorbing_wall lattice.points=40 lattice.seed=805583 material.eta_star=0
+    impact.velocity=0.15 impact.spin=0.08932 impact.offset=0.01591 wall.a=3000
+    wall.V0=1500 wall.width=3.572 wall.points=87 wall.boundary=reset
+    wall.contact=smooth wall.k_a=0.2635 wall.reset_interval=0.009079 wall.threshold=0.1
+""")
 # Results at the first two steps agree by chance within 8e-4; by DOP853 e is 0.908046.
 AGREEING = words("""
     absorbing_wall lattice.points=71 lattice.seed=643705 material.eta_star=0
@@ -273,6 +279,16 @@ AGREEING = words("""
     wall.points=156 wall.k_a=0.3062 wall.width=3.6 wall.threshold=0.1
     wall.reset_interval=0.009533
 """)
+
+
+@pytest.mark.validate
+def test_no_tolerance_is_granted_to_results_that_do_not_fall(kernels):
+    text = (
+        r"after 9 runs, .* this impact is chaotic\. A change of the start changes e by"
+        r" \de\+07 times as much"
+    )
+    with pytest.raises(SimulationError, match=text):
+        computed(kernels, *CHAOTIC, "time.tolerance=1e-3")
 
 
 @pytest.mark.validate
