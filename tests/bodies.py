@@ -94,23 +94,6 @@ def painter(**attributes):
     return made
 
 
-def chain(positions, bonds, mass):
-    """Return a lattice of a few points, which all belong to disk and surface, unloaded
-    at `positions`."""
-    x = np.array(positions)
-    ends = np.array(bonds, np.int32)
-    n = len(x)
-    return Lattice(
-        positions=x,
-        bonds=ends,
-        rest_lengths=np.hypot(*(x[ends[:, 0]] - x[ends[:, 1]]).T),
-        masses=np.full(n, mass),
-        triangles=np.zeros((0, 3), np.int32),
-        disk_points=n,
-        disk_surface=np.arange(n, dtype=np.int32),
-    )
-
-
 def hexagon(rings):
     """Return a patch of the perfect triangular lattice with springs of equal length, 1
     R from its centre to a corner."""
