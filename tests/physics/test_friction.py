@@ -23,11 +23,10 @@ STICKING = (*SMALL, "impact.angle=0.3", "wall.friction=0.5", "impact.spin=0.02")
 ROWS = ("time.sample_interval=1e-6",)  # a row for each step
 
 
-def impact(kernels, *settings, **options):
+def impact(kernels, *settings):
     """Return scenario, outcome and results of a throw at the rigid wall."""
-    scenario, outcome = computed(
-        kernels, "exponential_wall", *settings, estimate=False, **options
-    )
+    throw = ("exponential_wall", *settings)
+    scenario, outcome = computed(kernels, *throw, estimate=False)
     return scenario, outcome, scenario.result(outcome.series)
 
 

@@ -13,7 +13,7 @@ OUTLINE = np.array([[-1.0, -0.2], [1.0, -0.2], [1.0, 0.2], [-1.0, 0.2]])
 INERTIA = 0.25
 
 
-def columns(vx, vy, spin, height=0.2):
+def columns(vx, vy, spin):
     """Return a series of nine rows: contact from t = 3 to t = 5, linear changes there.
 
     `vx`, `vy` [c] and `spin` [c/R]: before and after.
@@ -28,7 +28,7 @@ def columns(vx, vy, spin, height=0.2):
         "t": t,
         "com_vx": changing(*vx),
         "com_vy": changing(*vy),
-        "com_y": np.full(9, height),
+        "com_y": np.full(9, 0.2),
         "lowest_y": np.zeros(9),
         "angular_momentum": INERTIA * changing(*spin),
         "wall_force": np.where((t >= 3.0) & (t <= 5.0), 1.0, 0.0),

@@ -81,17 +81,16 @@ def test_letters_have_11_pixels_or_are_absent_and_none_overlap(size, factor, is_
     assert right - left > 0.4 * letters.text.size
 
 
-def disks(count, parameters=TITLE.parameters, **changes):
-    title = Title("η* = 100", parameters, enlarged=1.5)
-    made = painter(**changes)
-    outer = [made.lattice.positions]
-    return [Disk(made, title, CAPTIONS, outer) for _ in range(count)]
+def filmed_disk():
+    title = Title("η* = 100", TITLE.parameters, enlarged=1.5)
+    made = painter()
+    return Disk(made, title, CAPTIONS, [made.lattice.positions])
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.5, 2.0, 3.0])
 def test_parameters_that_do_not_fit_are_left_out_of_all_pictures_by_rank(factor):
-    left, right = disks(2)
-    right = replace(right, title=replace(right.title, heading="a much longer label"))
+    left = filmed_disk()
+    right = replace(left, title=replace(left.title, heading="a much longer label"))
     letters = fitting_letters(Letters(720, factor), [CAPTIONS], 640)
     camera, legends = arranged([left, right], 640, letters, (-1.1, 1.1, 0.0, 2.4))
     shown = []
@@ -113,7 +112,7 @@ def test_parameters_that_do_not_fit_are_left_out_of_all_pictures_by_rank(factor)
 
 @pytest.mark.parametrize("is_elastic", [True, False])
 def test_words_stand_above_an_elastic_wall_however_large_they_are(is_elastic):
-    (disk,) = disks(1)
+    disk = filmed_disk()
     if is_elastic:
         ends = np.array([0, 1], dtype=np.int32)
         lattice = replace(disk.painter.lattice, wall_surface=ends)
