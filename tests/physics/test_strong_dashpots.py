@@ -6,12 +6,10 @@ import pytest
 from bodies import advance, computed
 from reference import Model
 
-from taichi_disk.errors import InputError
 from taichi_disk.integrators import TRAPEZOIDAL
 from taichi_disk.lattice import Lattice
 from taichi_disk.physics import Model as Laws
 from taichi_disk.physics import Springs
-from taichi_disk.scenes import load_scene
 
 LONG = pytest.mark.validate
 
@@ -80,9 +78,3 @@ def test_the_balance_of_linear_springs_with_dashpots_is_exact_at_any_step(
     assert columns["dissipated"][-1] == pytest.approx(
         columns["kinetic"][0] + columns["elastic"][0], rel=1e-12
     )
-
-
-def test_axial_dashpots_are_not_solved_for():
-    settings = ["material.dashpot=axial", "time.integrator=trapezoidal"]
-    with pytest.raises(InputError, match=r"time\.integrator: trapezoidal .* axial"):
-        load_scene("exponential_wall", settings)

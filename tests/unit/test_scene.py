@@ -135,6 +135,9 @@ CONFLICTS = {
     "compression compression.method=newton time.tolerance=1e-6": "takes no time step",
     f"{RIGID} {ORDER_4}": "eta_star = 10",
     f"{RIGID} {ORDER_4} material.viscosity=0.01": "y = 0.01",
+    f"{RIGID} material.dashpot=axial time.integrator=trapezoidal": (
+        r"time\.integrator: trapezoidal .* axial"
+    ),
     f"{RIGID} material.viscosity=0.01 material.eta_star=3": "both set",
     f"{WALL} material.viscosity=0.0 material.eta_star=10": "default, 0",
     f"{WALL} {ORDER_4} wall.boundary=dashpot": "= dashpot",
