@@ -82,6 +82,8 @@ def test_a_loading_shows_load_and_energy_against_the_compression_and_the_law(ker
     points, paper, exact = (line.get_xydata().T for line in force.lines[:3])
     assert np.array_equal(points, [columns["xi"], columns["wall_force"]])
     assert points.shape == (2, 24)
+    times = scenario.frame_times(columns, 3)
+    assert times == pytest.approx([columns["t"][0], 0.5 * (1.0 + times[0]), 1.0])
     _, *laws = (text.get_text() for text in force.get_legend().get_texts())
     assert laws == ["eq. (2), b = 1", "exact law, rigid wall"]
     moduli = bulk_moduli(200, 0, 1.0, 0.7)

@@ -299,3 +299,48 @@ def test_the_minus_sign_of_typography_is_a_minus_sign():
     assert scene == load_scene(text.replace("\u2212", "-"))
     turned = load_scene(text, ["impact.spin=\u22121"])
     assert turned.impact.spin == -1.0
+
+
+BOUNDS = """
+-100 100 impact.offset
+-10 10 impact.spin
+-3.1416 3.1416 impact.turn
+-1.5 1.5 impact.angle
+0 0.75 lattice.min_spacing
+0 0.95 lattice.core_radius lattice.hole
+0 2 video.flight
+0 10 wall.friction
+0 1e6 material.eta_star material.k_b material.viscosity
+0 4294967295 lattice.seed
+1e-12 1e12 wall.V0
+1e-10 0.01 time.tolerance
+1e-9 0.01 compression.tolerance
+1e-9 10 compression.pressure
+1e-9 1e3 impact.gap time.dt
+1e-9 1e6 material.k_a time.sample_interval wall.k_a
+1e-6 1 time.safety
+1e-6 10 impact.velocity
+1e-6 1e3 wall.reset_interval
+1e-6 1e6 compression.max_time impact.max_time
+1e-3 1e3 lattice.core_density lattice.core_stiffness wall.threshold
+0.1 100 wall.width
+0.1 600 video.seconds
+0.1 1e6 wall.a
+0.5 3 video.text
+1 2 video.supersample
+1 120 video.fps
+1 1000 video.magnify
+3 2e6 lattice.points
+4 2e6 wall.points
+64 2160 video.size
+"""
+
+
+def test_the_bounds_of_all_numbers():
+    known = {}
+    for low, high, *names in map(str.split, BOUNDS.strip().splitlines()):
+        known |= dict.fromkeys(names, (float(low), float(high)))
+    for keys in KEYS.values():
+        numbers = [one for one, key in keys.items() if key.kind in (int, float)]
+        found = {".".join(one): (keys[one].low, keys[one].high) for one in numbers}
+        assert found == {name: known[name] for name in found}
