@@ -13,7 +13,7 @@ from programs import packed
 
 from taichi_disk import api, load_scene
 from taichi_disk.cli import main
-from taichi_disk.fields import QUANTITIES
+from taichi_disk.fields import QUANTITIES, Triangles, at_points
 from tests.browser import Browser
 
 
@@ -73,12 +73,21 @@ def test_states_survive_the_packing_to_a_thousandth_of_r(folder):
         assert x - x.mean(axis=0) == pytest.approx(
             expected - expected.mean(axis=0), abs=3e-4
         )
+    k = inside[len(inside) // 2]
+    state = result.state(times[k])
+    triangles = Triangles(result.lattice)
+    springs = result.scenario.model.springs
     for name, kind in QUANTITIES.items():
         codes = np.cumsum(
             part(name, np.uint8).reshape(count, n), axis=0, dtype=np.uint8
         )
         assert np.ptp(codes) > 100, name
-        assert not kind.signed or (codes.min() < 127 < codes.max())
+        shown = codes[k] / 255.0
+        if kind.signed:
+            shown = codes[k] / 127.0 - 1.0
+        value = at_points(name, triangles, springs, state.positions, state.velocities)
+        full = run["limits"][name]["range"]
+        assert shown == pytest.approx(np.clip(value / full, -1.0, 1.0), abs=0.03), name
 
 
 def test_curves_have_units_and_a_value_for_each_time_so_that_a_pause_is_no_plateau(

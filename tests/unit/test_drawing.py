@@ -43,7 +43,10 @@ def drawn(folder, mark, fringes=False, springs=(0, 6, 3, 9)):
 const field = new Field({{
   points: 13, triangles: new Uint32Array({np.ravel(FAN).tolist()}),
   springs: new Uint32Array({list(springs)}) }});
-const map = Uint8Array.from({{ length: 768 }}, (_, k) => Math.floor(k / 3));
+const map = Uint8Array.from({{ length: 768 }}, (_, k) => {{
+  const level = Math.floor(k / 3);
+  return [level, 255 - level, level >> 1][k % 3];
+}});
 field.draw({SIZE}, {SIZE}, {{ positions: Float32Array.from({POINTS.ravel().tolist()}),
   values: Float32Array.from({(POINTS[:, 0] / SIZE).tolist()}),
   marks: [{mark}], colours: map,
@@ -65,7 +68,9 @@ def test_triangles_cover_their_body_once_with_interpolated_values(tmp_path):
     inside = distance > 1e-3
     assert (pixels[inside, 3] == 255).all()
     assert (pixels[distance < -1e-3, 3] == 0).all()
-    assert np.abs(pixels[..., 0] - 255.0 * x / SIZE)[inside].max() < 1.0
+    value = 255.0 * x / SIZE
+    colours = np.stack([value, 255.0 - value, 0.5 * value], axis=-1)
+    assert np.abs(pixels[..., :3] - colours)[inside].max() < 1.1
     # fringes repeat within a triangle
     pixels = drawn(tmp_path, "{ mark: 0 }", fringes=True)
     row = pixels[30, 10:50, 0] / 255.0
