@@ -10,16 +10,19 @@ from taichi_disk import runtime
 from taichi_disk.machine import processor
 from taichi_disk.output.files import versions
 
-from . import page, precision
+from . import kernel, page, precision
 
-PARTS = ("page", "precision")
+PARTS = ("kernel", "page", "precision")
 
 
 def main():
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks")
     parser.add_argument("parts", nargs="+", choices=PARTS)
     parser.add_argument(
-        "--repeats", type=int, default=9, help="of `precision` (default: 9)"
+        "--repeats",
+        type=int,
+        default=9,
+        help="of `kernel` and `precision` (default: 9)",
     )
     parser.add_argument(
         "--set",
@@ -43,6 +46,9 @@ def main():
         summary["load average"] = f"{os.getloadavg()[0]:.1f}"
     print(", ".join(f"{name} {value}" for name, value in summary.items()), "\n")
     runtime.start(threads=1)
+    if "kernel" in given.parts:
+        for line in kernel.kernel(given.repeats, tuple(given.set)):
+            print(line, flush=True)
     if "page" in given.parts:
         for line in page.page(tuple(given.set)):
             print(line, flush=True)

@@ -9,7 +9,7 @@ import pytest
 
 from taichi_disk import runtime
 
-from . import precision
+from . import kernel, precision
 
 VERLET = "run, velocity Verlet"
 
@@ -48,6 +48,17 @@ def test_every_program_finds_the_same_restitution(
     # the second run is told apart: with and without it the error is the same
     both = {row[2]: row[3] for row in rows if row[:2] == [VERLET, "safety 0.4"]}
     assert both["yes"] == both["no"]
+
+
+@pytest.mark.validate
+def test_a_step_is_measured_in_every_model():
+    runtime.start()
+    _, *rows = kernel.kernel(1, ("lattice.points=60",))
+    assert len(rows) == len(kernel.SCENES)
+    for row in rows:
+        cost, e = row[40:].split(",")
+        assert float(cost) > 0.0
+        assert 0.0 < float(e) < 1.0
 
 
 def test_the_numbers_along_the_diagram_do_not_overlap():
