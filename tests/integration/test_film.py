@@ -492,7 +492,6 @@ def test_in_a_comparison_only_the_run_at_its_greatest_compression_is_captioned_s
 
 
 @needs_vulkan
-@pytest.mark.validate
 def test_the_panel_s_curves_are_coloured_up_to_now(run, tmp_path):
     film(tmp_path / "frames", [run], size=720, seconds=0.8, panel="true")
     frames = pictures_in(tmp_path / "frames")

@@ -47,6 +47,22 @@ def test_every_key_is_explained_and_reaches_what_it_names(controls):
     controls.press("F1")  # a key without a meaning
 
 
+def test_the_second_key_of_a_pair_undoes_the_first(controls):
+    sandbox = controls.sandbox
+
+    def values():
+        scene = sandbox.scene
+        own = scene.impact.velocity, scene.wall.a, scene.material.eta_star
+        return [*own, scene.lattice.points, sandbox.speed]
+
+    before = values()
+    for first, second in ("sm", "ed", ("Up", "Down"), "az", "kj"):
+        controls.press(first)
+        assert values() != pytest.approx(before, rel=0.05)
+        controls.press(second)
+        assert values() == pytest.approx(before, rel=0.02)
+
+
 @pytest.mark.validate
 def test_the_keys_for_points_keep_the_viscosity_of_the_body(controls):
     sandbox = controls.sandbox

@@ -65,6 +65,22 @@ def test_no_word_of_a_panel_is_cut(letter, height):
         assert (edge == panel[0, 0]).all()
 
 
+def test_each_curve_has_its_title_and_the_lowest_the_time():
+    shown = scene()
+    pictures = draw_panel(shown)
+    inked = (pictures.coming[..., :3] != pictures.coming[0, 0, :3]).any(axis=-1)
+    letter = round(shown.letter)
+    for left, right, top, _ in pictures.boxes:
+        title = inked[top - 2 * letter : top - 3, left:right]
+        assert np.flatnonzero(title.any(axis=0))[0] < 0.5 * letter
+    *others, (left, right, _, bottom) = pictures.boxes
+    for _, _, _, below in others:
+        assert not inked[below + 6 : below + letter, left:right].any()
+    rows = inked[bottom + 6 :, left:right].any(axis=1)
+    numbers, time = np.flatnonzero(np.diff(rows.astype(int)) == 1)
+    assert letter < time - numbers < 2 * letter
+
+
 def test_lines_of_energies_differ_where_a_name_does():
     shown = scene(2)
     dashed = replace(shown.curves[-1], style="--")
