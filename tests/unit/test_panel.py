@@ -76,9 +76,9 @@ def test_each_curve_has_its_title_and_the_lowest_the_time():
     *others, (left, right, _, bottom) = pictures.boxes
     for _, _, _, below in others:
         assert not inked[below + 6 : below + letter, left:right].any()
-    rows = inked[bottom + 6 :, left:right].any(axis=1)
-    numbers, time = np.flatnonzero(np.diff(rows.astype(int)) == 1)
-    assert letter < time - numbers < 2 * letter
+    rows = inked[bottom + 2 :, left:right].any(axis=1)
+    numbers, time = np.flatnonzero(np.diff(rows.astype(int), prepend=0) == 1)
+    assert 0.8 * letter < time - numbers < 2 * letter
 
 
 def test_lines_of_energies_differ_where_a_name_does():
