@@ -12,13 +12,10 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
-from weakref import ref
-
-import numpy as np
 
 PATCHED = (1, 7, 4)  # the private functions of other versions may differ
 PACKAGE = Path(__file__).parents[1].name
@@ -87,6 +84,8 @@ def patch(ti: Any) -> None:
     """
     if ti.__version__ != PATCHED:
         return
+    from taichi_disk.engine.launches import quick_call  # which needs NumPy
+
     kernel_impl = ti.lang.kernel_impl
     transformer = ti.lang.ast.ast_transformer_utils.ASTTransformerContext
     full_position = transformer.get_pos_info
@@ -111,64 +110,6 @@ def patch(ti: Any) -> None:
     kernel_impl._inside_class = is_in_class
     # an inlined function is read again each time (0.03 s of a warm run)
     kernel_impl.getsourcelines = lru_cache(maxsize=None)(kernel_impl.getsourcelines)
-    kernel_impl.Kernel.__call__ = _quick_call(ti)
-
-
-def _quick_call(ti: Any) -> Callable[..., Any]:
-    """Return what launches a kernel of this package without the checks of its
-    arguments, except the first time.
-
-    The checks take 35 of 50 us; a class's page launches 2,000 kernels a second.
-    """
-    kernel_impl = ti.lang.kernel_impl
-    full_call = kernel_impl.Kernel.__call__
-    real_kinds = kernel_impl.primitive_types.real_type_ids
-
-    def call(self: Any, *values: Any) -> Any:
-        is_own = self.func.__code__.co_filename.startswith(OWN_FILES)
-        if self.return_type or not is_own or _has_gaps(values):
-            return full_call(self, *values)
-        # the object whose method the kernel is, and flags
-        owner, *flags = [values[k] for k in self.template_slot_locations]
-        key = ref(owner), *flags
-        kernel = self.compiled_kernels.get(key)
-        if kernel is None:
-            full_call(self, *values)
-            known = self.ensure_compiled(*values)
-            self.compiled_kernels[key] = self.compiled_kernels[known]
-            return None
-        context = kernel.make_launch_context()
-        place = 0
-        for k, argument in enumerate(self.arguments):
-            if k not in self.template_slot_locations:
-                is_real = id(argument.annotation) in real_kinds
-                _pass(context, place, values[k], is_real)
-                place += 1
-        runner = program(ti)
-        compiled = runner.compile_kernel(
-            runner.config(), runner.get_device_caps(), kernel
-        )
-        runner.launch_kernel(compiled, context)
-        return None
-
-    return call
-
-
-def _has_gaps(values: tuple[Any, ...]) -> bool:
-    """Return whether an array among the arguments must be copied before a launch."""
-    return any(
-        isinstance(value, np.ndarray) and not value.flags.c_contiguous
-        for value in values
+    kernel_impl.Kernel.__call__ = quick_call(
+        kernel_impl, partial(program, ti), OWN_FILES
     )
-
-
-def _pass(context: Any, place: int, value: Any, is_real: bool) -> None:
-    """Set an argument of a launch."""
-    if isinstance(value, np.ndarray):
-        context.set_arg_external_array_with_shape(
-            (place,), value.ctypes.data, value.nbytes, value.shape, 0
-        )
-    elif is_real:
-        context.set_arg_float((place,), value)
-    else:
-        context.set_arg_int((place,), value)

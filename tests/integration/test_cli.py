@@ -261,6 +261,7 @@ def test_check_and_help_load_nothing_that_is_slow():
     # machine.
     code = """
 import sys
+import taichi_disk.runtime  # as the entry point does
 from taichi_disk.cli import main
 SLOW = {"taichi", "taichi_forge", "scipy", "matplotlib", "rich", "imageio", "av", "PIL"}
 checks = [["check", name] for name in ("exponential_wall", "figure3", "no-such-scene")]
