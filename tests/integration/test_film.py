@@ -30,6 +30,7 @@ from taichi_disk.render import film_problem, shaders
 from taichi_disk.render.film import common_span, draw_film
 from taichi_disk.render.geometry import placed
 from taichi_disk.render.moments import (
+    Cue,
     Span,
     captions,
     contact_of,
@@ -729,6 +730,17 @@ def test_the_longest_arrow_is_four_times_as_long_as_that_of_the_full_force():
 
 
 # ---- words
+
+
+def test_at_the_end_the_result_of_a_compression_stands_for_its_number(run):
+    for outcome, lines in (
+        (run, 2),
+        (computed("compression", "lattice.points=60", "compression.method=newton"), 1),
+    ):
+        last = outcome.series["t"][-1]
+        first, end = captions(outcome, [Cue(0.0), Cue(last)])
+        assert len(first.lines) == 2 and not first.result
+        assert len(end.lines) == lines and end.result
 
 
 @needs_vulkan

@@ -70,14 +70,14 @@ def test_a_scene_asks_before_the_throw_and_answers_after_it_if_its_numbers_are_i
 ) -> None:
     browser.say("play", number=5)
     browser.wait(lambda: "dashpots: how much" in browser.text("sentence"))
-    browser.say("set", key="speed", value=5)
+    browser.say("set", key="speed", value=20)
     browser.click("drop")
     browser.wait(lambda: browser.text("sentence") == "Nearly two fifths of the energy.")
     assert "e = 0.7" in browser.text("caption")
     browser.click("start")
     browser.wait(lambda: "how much" in browser.text("sentence"))
     first = browser.script("return sandbox.graphs.before.curves[0].values.length")
-    assert first > 50  # the throw before stays
+    assert first > 10  # the throw before stays
     assert "dotted: the throw before" in browser.text("energies")
     browser.type("material.eta_star", "5")
     browser.wait(lambda: browser.setting("eta_star") == 5.0)
