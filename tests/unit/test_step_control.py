@@ -57,6 +57,22 @@ def off_by(driver, worst, closing=0.0):
     return columns | {"total": columns["total"][0] + scale * error}
 
 
+def test_an_automatic_step_resolves_what_resets_do_to_damped_vibrations():
+    few = "lattice.points=60", "wall.points=80", "material.eta_star=10"
+
+    def change_of_e(*settings):
+        control = control_of(
+            "absorbing_wall", *few, "time.integrator=velocity_verlet", *settings
+        )
+        rate = control.scenario.model.springs.eta * control.spectrum.damping
+        # measured with N = 100 to 4000
+        return 0.015 * rate * control.spectrum.omega * control.step.dt**2
+
+    assert 0.5 * 2e-5 < change_of_e() <= 2e-5
+    assert 0.5 * 1e-6 < change_of_e("time.tolerance=1e-6") <= 1e-6
+    assert change_of_e("time.dt=0.003") > 1e-4  # as asked for
+
+
 def test_an_imbalance_shortens_the_step_as_order_2_asks(finished):
     def follows(control, worst, closing=0.0):
         columns = off_by(finished, worst * 1e-4, closing * 2e-5)
