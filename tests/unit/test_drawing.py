@@ -248,6 +248,16 @@ console.log(JSON.stringify([sets, marks, plot.parts.length, caption.parts]));"""
     assert (marks, left, caption) == (3, 0, ["e"])
 
 
+def test_a_result_beyond_the_axes_is_an_arrow_that_points_to_it(tmp_path):
+    code = """
+const places = [[0.2, 0.9], [0.0005, 0.9], [0.05, -0.5], [0.05, 0.9]];
+const far = places.map(([load, value]) => ({ ...rows[0], load, value }));
+showDiagram(plot, caption, far, { title: "e", range: [0.001, 0.1], fitted: false });
+const marks = plot.parts.filter(({ tag }) => tag === "u" || tag === "b");
+console.log(JSON.stringify(marks.map(({ parts }) => parts)));"""
+    assert run_in_node(PLOT + code, tmp_path) == [["▸"], ["◂"], ["▾"], []]
+
+
 def test_a_table_shows_numbers_rounded_texts_as_they_are_and_gaps(tmp_path):
     code = """
 document.createElement = (tag) => ({ tag, dataset: {}, append(...parts) {
