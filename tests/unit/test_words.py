@@ -54,6 +54,17 @@ def overlap(one, other):
     return not (is_beside or one[3] <= other[2] + 3.0 or other[3] <= one[2] + 3.0)
 
 
+def test_the_widest_of_all_changing_words_decides_how_much_room_is_left():
+    wide = Caption(0.0, "", (), ("before the disk touches the wall", "−0.78 v"))
+    letters = Letters(720)
+    blocks = [
+        legend(letters, 720, TITLE, captions, True, 3)
+        for captions in ([wide, END], [END, wide], [END, wide, END])
+    ]
+    assert blocks[0].lines == blocks[1].lines == blocks[2].lines
+    assert blocks[0].lines != legend(letters, 720, TITLE, [END], True, 3).lines
+
+
 @pytest.mark.parametrize("is_band", [False, True])
 @pytest.mark.parametrize(
     ("size", "factor"),
