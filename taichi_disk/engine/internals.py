@@ -1,8 +1,8 @@
 """What this package uses of the engine that is not public, and patches of Taichi 1.7.4.
 
 The patches save 0.1 s of a first run of 2.0 s. They act on functions of this package
-only, so that the user's own kernels get Taichi's full messages. `signals` and
-`physics.law` each contain one more workaround.
+only, so that the user's own kernels get Taichi's full messages. `launches`
+has one more of them, and `signals` and `physics.law` each contain a workaround.
 """
 
 from __future__ import annotations

@@ -90,6 +90,7 @@ class Face(NamedTuple):
         return _width(self, text)
 
 
+# a picture of a film asks for some fifty widths, most of them again
 @lru_cache(maxsize=4096)
 def _width(face: Face, text: str) -> float:
     return face.font(text).getlength(text)

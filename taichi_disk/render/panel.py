@@ -71,7 +71,9 @@ class Panel:
         self._drawn = lru_cache(artist.begin(draw_panel, scene))
         self._cursor = max(round(_CURSOR * height / 720), 1)
         self._ink = ink(scene.colours["faint"])
-        self._stale = 0, self.width  # columns that show another time
+        # first and last column that must be drawn again whatever the next time is: at
+        # first all, then those of the line
+        self._stale = 0, self.width
 
     def draw(self, picture: NDArray[np.uint8], t: float) -> None:
         """Draw the curves up to `t` [R/c] and a line there into `picture` (height,

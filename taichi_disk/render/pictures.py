@@ -191,6 +191,7 @@ class Pictures:
         """Return the picture (height, width, 4) with what was drawn, the captions of
         the disks, and the curves up to their time."""
         width = self._width
+        # `_place` covers the rows between these.
         for rows in (slice(self._rows.start), slice(self._rows.stop, None)):
             self._pixels[rows, : self._disks] = self._still[rows, : self._disks]
         for k, (image, marks) in enumerate(drawn):
