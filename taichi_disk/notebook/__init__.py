@@ -16,7 +16,7 @@ from taichi_disk import runtime
 from taichi_disk.errors import TaichiDiskError, install_extra
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.simulation.simulation import KernelCache
-from taichi_disk.web.drawing import DRAWING, bundle, source
+from taichi_disk.web.drawing import SANDBOX, bundle, source
 from taichi_disk.window.app import list_presets
 from taichi_disk.window.audience import Audience, Message, Page
 from taichi_disk.window.sandbox import Experiment
@@ -29,17 +29,6 @@ except ImportError as error:
     raise TaichiDiskError(
         f"no widget, because of {error}: {install_extra('notebook')}"
     ) from None
-
-_MODULES = (
-    *DRAWING,
-    "message.js",
-    "graphs.js",
-    "controls.js",
-    "results.js",
-    "scenes.js",
-    "sandbox.js",
-    "widget.js",
-)
 
 
 class Sandbox(AnyWidget):
@@ -78,7 +67,7 @@ class Sandbox(AnyWidget):
             f"const PAGE = {json.dumps(page)}, STYLE ="
             f" {json.dumps(source('style.css'))};\n"
         )
-        super().__init__(_esm=constants + bundle(*_MODULES), height=height)
+        super().__init__(_esm=constants + bundle(*SANDBOX, "widget.js"), height=height)
         # JupyterLab delivers messages in a second thread, where an event that is set
         # does not wake up the loop.
         self.on_msg(

@@ -199,3 +199,12 @@ def bundle(*names: str) -> str:
 
 
 DRAWING = ("html.js", "field.js", "legend.js", "draw.js", "gestures.js")
+SANDBOX = (
+    *DRAWING,
+    "message.js",
+    "graphs.js",
+    "controls.js",
+    "results.js",
+    "scenes.js",
+    "sandbox.js",
+)

@@ -1,0 +1,65 @@
+// A film of two runs, and what a user does with it. `film` packs it before the page begins.
+
+const STATES = 4;
+const bytesOf = (list, Kind) => new Uint8Array(Kind.from(list).buffer);
+const differences = (rows) => rows.flatMap((row, k) => row.map((value, i) => value - (k ? rows[k - 1][i] : 0)));
+
+// Return a run with a number, which squeezes its disk, and its arrays.
+function runOf(number) {
+  const part = (k) => (number + 1) * [0, 100, 400, -200][k];
+  const moved = [0, 1, 2, 3].map((k) => POINTS.flatMap(([x, y]) => [part(k) * x, -part(k) * y + 100 * k]));
+  const steps = differences(moved);
+  const codes = (zero) => differences([0, 1, 2, 3].map((k) => POINTS.map((_, i) => zero + 8 * k * (i - 2))));
+  const forces = [5, 0, 0.01, 5, 0.002, 0.02, 6, -0.004, 0.03];
+  const limit = { limit: 0.05, range: 0.06, signed: false };
+  const arrays = {
+    centres: bytesOf([0, 1.2, 0.1, 1, 0.2, 0.9, 0.3, 1.1], Float32Array),
+    velocities: bytesOf([0.01, -0.04, 0.01, -0.03, 0, 0, 0, 0.03], Float32Array),
+    forces: bytesOf(forces, Float32Array),
+    displacements: bytesOf([...steps.map((one) => one & 255), ...steps.map((one) => (one >> 8) & 255)], Uint8Array),
+    pressure: bytesOf(codes(127), Uint8Array),
+    strain: bytesOf(codes(50), Uint8Array),
+    fringes: bytesOf(codes(60), Uint8Array),
+  };
+  const captions = [0, 1, 2, 3, 4, 5].map((k) => [`t = ${k}`, `+v = ${k}`, k === 5 ? "*e = 0.9" : "", "slow"]);
+  const scene = { ...SCENE, full_force: 0.03, title: [`run ${number}`, "N = 7", "η* = 2"] };
+  const limits = { pressure: { ...limit, signed: true }, strain: limit, fringes: limit };
+  const run = { scene, states: STATES, captions, full_speed: number ? 0 : 0.04, unit: 1e-3, first: [0, 0, 1, 3, 3], limits };
+  return { run, arrays };
+}
+
+async function packFilm() {
+  const curve = (run, panel, name, values) => ({ run, panel, name, values, colours: [`#${panel}11`, `#${panel}ee`] });
+  const head = {
+    fps: 10,
+    cues: [0, 0, 1, 2, 2, 3],
+    marks: [[2, "contact"], [3, "greatest compression"]],
+    titles: ["normal velocity [initial]", "wall force [Mc²/R]", "energy [Mc²]"],
+    times: [-1, 0.5, 1.7, 4],
+    end: 3.5,
+    unit: "R/c",
+    curves: [0, 1].flatMap((run) => [
+      curve(run, 0, "", [-1, -0.6, 0.1, 0.9 - 0.1 * run]),
+      curve(run, 1, "", [0, 0.01, 0.03 + 0.01 * run, 0]),
+      curve(run, 2, "elastic", [0, 2e-4, 6e-4, 1e-4]),
+      curve(run, 2, "wall", [0, 1e-5, -3e-6, 0]),
+    ]),
+  };
+  let data = new Uint8Array();
+  head.runs = [0, 1].map((number) => {
+    const { run, arrays } = runOf(number);
+    run.arrays = {};
+    for (const [name, array] of Object.entries(arrays)) {
+      const items = /^(centres|velocities|forces)$/.test(name) ? array.length / 4 : array.length;
+      const start = Math.ceil(data.length / 4) * 4;
+      run.arrays[name] = [start, items];
+      data = Uint8Array.from([...data, ...Array(start - data.length).fill(0), ...array]);
+    }
+    return run;
+  });
+  const words = new TextEncoder().encode(JSON.stringify(head).replace(/$/, "   ").slice(0));
+  const text = words.subarray(0, words.length - (words.length % 4));
+  const parts = [Uint32Array.of(text.length), text, data];
+  const stream = new Blob(parts).stream().pipeThrough(new CompressionStream("deflate"));
+  document.getElementById("states").textContent = packed(new Uint8Array(await new Response(stream).arrayBuffer()));
+}

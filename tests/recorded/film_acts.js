@@ -1,0 +1,79 @@
+noteFields(Field);
+stage.root = document.querySelector("main");
+stage.shown = described(stage.root);
+while (!stage.frames.length) await new Promise((done) => later(done, 5));
+const pass = (time) => {
+  stage.clock += time;
+  drawFrame();
+};
+const choose = (name, value) => {
+  const select = document.querySelector(`[data-key=${name}] select`);
+  select.value = value;
+  select.onchange();
+};
+const moment = (place) => {
+  get("moment").value = place;
+  get("moment").oninput();
+};
+const panes = document.querySelectorAll("figure canvas");
+step("the film opens");
+step("a twentieth of a second", () => pass(50));
+step("another, while it cannot be seen", () => {
+  stage.observers[0]([{ isIntersecting: false }]);
+  pass(50);
+});
+step("a pause of the browser", () => {
+  stage.observers[0]([{ isIntersecting: true }]);
+  pass(900);
+});
+step("shortly before the end", () => moment(4.6));
+step("from the start again", () => {
+  get("play").click();
+  pass(50);
+});
+step("a mark, which pauses", () => {
+  document.querySelectorAll("#line button")[1].click();
+  pass(50);
+});
+step("dark, and another quantity", () => {
+  choose("theme", "dark");
+  choose("quantity", "strain");
+  moment(3.5);
+});
+step("fringes and points", () => {
+  choose("quantity", "fringes");
+  choose("draw", "points");
+});
+step("magnified, with other options", () => {
+  type("magnify", "3");
+  for (const id of ["forces", "velocity"]) get(id).click();
+  for (const id of ["outline", "path"]) get(id).click();
+});
+step("twice as fast at most", () => {
+  type("speed", "7");
+  get("play").click();
+  pass(50);
+});
+step("no number", () => type("speed", "fast"));
+step("zoomed and moved", () => {
+  const wheel = new WheelEvent("wheel", { deltaY: -90, cancelable: true });
+  Object.defineProperties(wheel, { offsetX: { value: 100 }, offsetY: { value: 120 } });
+  panes[1].dispatchEvent(wheel);
+  pointer(panes[0], "pointerdown", 50, 50);
+  pointer(panes[0], "pointermove", 80, 45);
+  pointer(panes[0], "pointerup", 80, 45);
+});
+step("seen as a whole", () => get("whole").click());
+step("one above the other", () => {
+  media["(max-width: 599px) and (min-height: 701px)"].matches = true;
+  stage.observers[1]();
+});
+step("low", () => {
+  get("disks").style.height = "200px";
+  stage.observers[1]();
+});
+step("tall and narrow curves", () => {
+  Object.assign(get("curves").style, { width: "150px", height: "450px" });
+  moment(4);
+});
+window.recorded = stage.lines.join("\n");

@@ -1,0 +1,218 @@
+// A stage for the modules of a page: time, frames, the socket and canvases are stand-ins, so that
+// what the page draws, shows and sends becomes lines of text on each machine and in each browser.
+
+const stage = { lines: [], drawn: [], everDrawn: new Set(), timers: [], frames: [], observers: [], sockets: [], clock: 0 };
+const note = (text) => stage.lines.push(text.replace(/\n/g, " ¶ "));
+const rounded = (value) => Number(value.toFixed(Math.abs(value) < 1 ? 4 : 2)) || 0;
+const plain = (_, value) => (typeof value === "number" ? rounded(value) : value);
+const pairs = (points) =>
+  points.map((place) => (Array.isArray(place) ? place.map(rounded).join() : place)).join(" ");
+
+// What a path and a canvas's context know, of calls that the page makes.
+class Route {
+  points = [];
+  moveTo(...place) {
+    this.points.push("from", place);
+  }
+  lineTo(...place) {
+    this.points.push(place);
+  }
+  arc(...values) {
+    this.points.push("arc", values);
+  }
+}
+
+class Pen extends Route {
+  constructor(canvas) {
+    super();
+    Object.assign(this, { canvas, factor: 1, saved: [], dash: [], globalAlpha: 1, shadowBlur: 0 });
+  }
+  setTransform(factor) {
+    this.factor = factor;
+  }
+  scale(factor) {
+    this.factor *= factor;
+  }
+  save() {
+    this.saved.push(this.factor);
+  }
+  restore() {
+    this.factor = this.saved.pop();
+  }
+  beginPath() {
+    this.points = [];
+  }
+  setLineDash(dash) {
+    this.dash = dash;
+  }
+  write(act, colour, ...words) {
+    const factor = this.factor === 1 ? "" : ` × ${rounded(this.factor)}`;
+    const alpha = this.globalAlpha === 1 ? "" : ` alpha ${this.globalAlpha}`;
+    const blur = this.shadowBlur ? ` blur ${rounded(this.shadowBlur)}` : "";
+    stage.drawn.push(`  ${act} ${colour}${alpha}${blur}${factor} ${words.join(" ")}`);
+  }
+  stroke(route = this) {
+    const dash = this.dash.map(rounded).join();
+    const width = rounded(this.lineWidth);
+    this.write("stroke", this.strokeStyle, `${width} wide [${dash}]`, pairs(route.points));
+  }
+  fill(route = this) {
+    const line = pairs(route.points);
+    const last = stage.drawn.at(-1);
+    if (last?.startsWith(`  stroke ${this.fillStyle} `) && last.endsWith(line)) stage.drawn[stage.drawn.length - 1] += " filled";
+    else this.write("fill", this.fillStyle, line);
+  }
+  fillRect(...box) {
+    // of the columns of a colour scale, a few
+    if (box[2] === 1.5) this.columns = (this.columns ?? -1) + 1;
+    if (box[2] !== 1.5 || this.columns % 90 === 0) this.write("rect", this.fillStyle, pairs([box]));
+  }
+  clearRect() {}
+  fillText(text, ...place) {
+    this.write("text", this.fillStyle, this.font, this.textAlign, this.textBaseline, pairs([place]), text);
+  }
+  strokeText(text, ...place) {
+    this.write("rim", this.strokeStyle, `${this.lineWidth} wide`, pairs([place]), text);
+  }
+  measureText(text) {
+    return { width: 7 * text.length };
+  }
+  drawImage(image, ...box) {
+    this.write("image", `${image.width} x ${image.height}`, pairs([box]));
+  }
+  createImageData(width, height) {
+    return new ImageData(width, height);
+  }
+  putImageData() {}
+}
+
+window.Path2D = Route;
+HTMLCanvasElement.prototype.getContext = function () {
+  return (this.pen ??= new Pen(this));
+};
+HTMLCanvasElement.prototype.toBlob = (done) => done(new Blob());
+HTMLCanvasElement.prototype.setPointerCapture = () => {};
+// Preferences of the system, by what a page asks.
+const media = {};
+window.matchMedia = (query) => (media[query] ??= { matches: false });
+const later = setTimeout.bind(window);
+performance.now = () => stage.clock;
+window.setTimeout = (act, time) => stage.timers.push({ act, due: stage.clock + time });
+window.setInterval = (act, time) => stage.timers.push({ act, due: stage.clock + time, time });
+window.clearTimeout = (number) => {
+  if (number) stage.timers[number - 1].due = Infinity;
+};
+window.requestAnimationFrame = (act) => stage.frames.push(act);
+class Observer {
+  constructor(act) {
+    stage.observers.push(act);
+  }
+  observe() {}
+}
+window.ResizeObserver = Observer;
+window.IntersectionObserver = Observer;
+window.devicePixelRatio = 1;
+window.WebSocket = class {
+  static OPEN = 1;
+  readyState = 1;
+  constructor(address) {
+    note(`  socket ${address.replace(/.*\//, "")}`);
+    stage.sockets.push(this);
+  }
+  send(text) {
+    const message = JSON.parse(text);
+    if (message.do !== "seen" || message.number !== stage.seen) note(`  send ${JSON.stringify(message, plain)}`);
+    if (message.do === "seen") stage.seen = message.number;
+  }
+  close() {
+    note("  socket closed");
+  }
+};
+window.fetch = async () => ({ text: async () => "nobody is at home" });
+const contents = new WeakMap();
+window.Blob = class extends Blob {
+  constructor(parts, options) {
+    super(parts, options);
+    contents.set(this, parts?.join("") ?? "");
+  }
+};
+URL.createObjectURL = (blob) => `data:${blob.type},${contents.get(blob)}`;
+HTMLAnchorElement.prototype.click = function () {
+  note(`  download ${this.download}: ${decodeURI(this.getAttribute("href"))}`);
+};
+HTMLElement.prototype.requestFullscreen = async () => note("  full screen");
+
+// Let time pass [ms].
+function wait(time) {
+  const end = stage.clock + time;
+  for (;;) {
+    const due = stage.timers.filter((one) => one.due <= end);
+    if (!due.length) break;
+    const next = due.reduce((first, one) => (one.due < first.due ? one : first));
+    stage.clock = next.due;
+    next.due = next.time ? next.due + next.time : Infinity;
+    next.act();
+  }
+  stage.clock = end;
+}
+
+function drawFrame() {
+  for (const act of stage.frames.splice(0)) act(stage.clock);
+}
+
+// Return the words and numbers of an element.
+function worded(node) {
+  const words = [...node.attributes]
+    .filter(({ name }) => !/^(id|type|min|step)$/.test(name))
+    .map(({ name, value }) => (value ? `${name}="${value}"` : name));
+  for (const name of ["value", "checked", "disabled"]) {
+    if (node[name] && node.matches("input, select, button, progress")) words.push(`${name}: ${node[name]}`);
+  }
+  const texts = [...node.childNodes].map((one) => (one.nodeType === 3 ? one.data.trim() : ""));
+  const line = [...words, ...texts].join(" ").trim();
+  return line.replace(/-?\d+\.\d{3,}/g, (number) => rounded(Number(number)));
+}
+
+// Return a line for each element that says something; a list, a choice or a row has one line.
+function described(root) {
+  const lines = [];
+  const visit = (node, place) => {
+    const tag = node.id ? `#${node.id}` : node.localName;
+    const isLine = node.matches("tr, dl, select, label");
+    const parts = isLine ? [...node.querySelectorAll("*")].map(worded) : [];
+    const words = [worded(node), ...parts].filter(Boolean).join(" | ");
+    if (words) lines.push(`  ${place}${tag}: ${words}`);
+    if (!isLine || node.querySelector("[id]")) for (const one of node.children) visit(one, node.id ? `${tag} ` : place);
+  };
+  visit(root, "");
+  return lines;
+}
+
+// Perform an act, and note what it sends, what it draws for the first time, and what is shown that
+// was not shown before it.
+function step(name, act) {
+  note(name);
+  act?.();
+  drawFrame();
+  const { drawn, everDrawn } = stage;
+  const news = new Set(drawn.filter((line) => !everDrawn.has(line)));
+  for (const line of news) {
+    note(line);
+    everDrawn.add(line);
+  }
+  if (drawn.length) note(`  ${drawn.length} strokes and texts`);
+  stage.drawn = [];
+  const shown = described(stage.root);
+  for (const line of shown) if (!stage.shown.includes(line)) note(line);
+  const gone = stage.shown.filter((line) => !shown.includes(line)).length;
+  if (gone) note(`  ${gone} others are gone`);
+  stage.shown = shown;
+}
+
+const packed = (array) => btoa(String.fromCharCode(...new Uint8Array(array.buffer)));
+const pointer = (node, kind, x, y, more = {}) => {
+  const options = { bubbles: true, pointerId: 1, button: 0, buttons: 1, ...more };
+  const event = new PointerEvent(kind, options);
+  Object.defineProperties(event, { offsetX: { value: x }, offsetY: { value: y } });
+  node.dispatchEvent(event);
+};
