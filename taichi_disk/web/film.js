@@ -55,7 +55,7 @@ class Recording {
   // Return the state at a place in the list of states; between two states it is interpolated.
   state(place, quantity) {
     const { run, rest, displacements, x } = this;
-    const k = Math.min(Math.floor(place), run.states - 1);
+    const k = Math.floor(place);
     const next = Math.min(k + 1, run.states - 1);
     const part = place - k;
     const mixed = (array, width, i) =>
@@ -75,7 +75,7 @@ class Recording {
       fullForce: run.scene.full_force,
       path: [...Array.from({ length: k + 1 }, past), now],
       row: { com_x: now[0], com_y: now[1] },
-      velocity: [0, 1].map((i) => mixed(this.velocities, 2, i) / (run.full_speed || 1)),
+      velocity: [0, 1].map((i) => mixed(this.velocities, 2, i) / run.full_speed),
     };
   }
 

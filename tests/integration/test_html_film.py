@@ -179,58 +179,11 @@ def browser(browsers: Callable[[str], Browser]) -> Iterator[Browser]:
 
 
 def opened(browser, path, size=(1000, 700)):
+    """Open a film that does not play by itself."""
+    browser.emulate(features=[{"name": "prefers-reduced-motion", "value": "reduce"}])
     browser.resize(size)
     browser.driver.get(path.as_uri())
     browser.driver.execute_async_script(WAIT_FOR_FILM)
-
-
-def present(browser):
-    """Return the column of the line that marks the moment in the first panel [px]."""
-    picture = browser.picture(CURVES)
-    panel = picture[30:80, : picture.shape[1] // 3, 3]
-    return int(panel.min(axis=0).argmax())
-
-
-def test_the_curves_run_over_time_so_that_the_greatest_compression_is_no_corner(
-    browser, folder
-):
-    film, _ = packed(folder / "film.html")
-    opened(browser, folder / "film.html")
-    times = np.array(film["times"])
-    first = max(times[0], 0.0)
-    last = min(times[-1], film["end"])
-    inside = [k for k, at in enumerate(film["cues"]) if first < times[at] < last]
-    chosen = [inside[len(inside) * part // 8] for part in (1, 2, 3, 4, 6)]
-    found = []
-    for moment in chosen:
-        browser.script(MOVE, moment)
-        found.append(present(browser))
-    wanted = [times[film["cues"][moment]] for moment in chosen]
-    slope, start = np.polyfit(wanted, found, 1)
-    assert np.polyval([slope, start], wanted) == pytest.approx(found, abs=1.0)
-    assert slope * (last - first) > 150.0
-    browser.script(MOVE, len(film["cues"]) - 1)
-    panel = browser.picture(CURVES).shape[1] / len(film["titles"])
-    assert present(browser) == pytest.approx(panel - 12.0, abs=1.0)  # the axis' end
-
-
-def test_between_two_states_the_disk_is_between_them(browser, folder):
-    opened(browser, folder / "film.html")
-    for name in ("forces", "velocity"):
-        browser.script(CHOOSE, name, False)
-    cues = packed(folder / "film.html")[0]["cues"]
-    moment = cues.index(cues[-1]) - 2  # in the flight at the end
-    heights = []
-    for part in (0.0, 0.5, 1.0):
-        browser.script(MOVE, moment + part)
-        picture = browser.picture(CANVAS)[:-120]
-        disk = np.abs(picture - picture[1, 1]).sum(axis=2) > 30
-        rows = disk.any(axis=1)
-        top = rows.argmax()
-        bottom = top + rows[top:].argmin()  # the wall is lower
-        heights.append(0.5 * (top + bottom))
-    assert heights[0] - heights[2] > 4.0
-    assert heights[1] == pytest.approx(0.5 * (heights[0] + heights[2]), abs=1.1)
 
 
 def test_compared_runs_have_dashes_and_a_key_and_each_theme_its_own_colours(
@@ -276,7 +229,9 @@ HEIGHTS = [
 
 def test_in_a_frame_the_picture_has_the_room(browser, folder):
     for size, least in HEIGHTS:
-        opened(browser, folder / "film.html", size)
+        if size[0] in (300, 1366):  # whose details are closed, or open
+            opened(browser, folder / "film.html", size)
+        browser.resize(size)
         height, seen, bar = browser.script(
             "const strip = document.querySelector('.strip').getBoundingClientRect();"
             "return [document.querySelector('canvas').clientHeight, strip.bottom,"
@@ -330,6 +285,7 @@ def test_from_a_file_it_plays_scrubs_zooms_magnifies_and_shows_every_quantity(
 ):
     opened(browser, folder / "film.html")
     place = "return Number(document.getElementById('moment').value)"
+    browser.click("play")
     before = browser.script(place)
     time.sleep(0.7)
     assert browser.script(place) != before  # it plays

@@ -215,39 +215,6 @@ def test_the_projector_shows_large_letters_and_a_film_is_saved(
     assert browser.errors() == []
 
 
-@pytest.mark.validate
-def test_graphs_show_energies_below_0_and_no_noise(
-    served: Served, browser: Browser
-) -> None:
-    browser.open(served[1])
-
-    def ends(graph: str, side: str = "left") -> list[float]:
-        labels = f"[...document.querySelectorAll('#{graph} ~ .{side}')]"
-        texts = browser.script(f"return {labels}.map((one) => one.textContent)")
-        return [float(text.replace("\u2212", "-")) for text in texts]
-
-    # not the force of rounding errors
-    assert ends("motion")[0] == 0.0
-    assert ends("motion")[2] > 1e-3
-    for key, value in (
-        ("impact.velocity", "0.1"),
-        ("impact.spin", "0.4"),
-        ("wall.friction", "0.3"),
-        ("speed", "5"),
-    ):
-        browser.type(key, value)
-    browser.click("drop")
-    browser.wait(browser.results)
-    lowest = browser.script("return Math.min(...sandbox.graphs.curves[2].values)")
-    low, middle, _ = ends("energy")
-    assert low < lowest < 0.0
-    assert middle == 0.0
-    browser.say("play", number=18)
-    browser.wait(lambda: browser.text("drop") == "Load", 60.0)
-    browser.wait(lambda: ends("motion", "right")[0] == 0.0)  # a compression of zero
-    assert ends("motion", "right")[2] > 1e-3
-
-
 LAYOUTS = [(1920, 1080), (1400, 900), (1024, 768), (768, 1024), (390, 844), (844, 390)]
 # Whether the picture has the size of its place: a busy browser draws it later.
 IS_DRAWN = """
@@ -427,18 +394,6 @@ def test_a_swipe_of_a_finger_does_not_leave_the_page(
 
 
 @pytest.mark.validate
-def test_a_failure_to_draw_is_said_once_and_time_goes_on(
-    served: Served, browser: Browser
-) -> None:
-    browser.open(served[1])
-    browser.script("sandbox.drawing.draw = () => { throw new Error('no colours') }")
-    browser.click("drop")
-    browser.wait(lambda: browser.state("t") > 1.0, 10.0)
-    assert browser.text("fault") == "The picture cannot be drawn: no colours"
-    assert browser.visible("fault")
-
-
-@pytest.mark.validate
 def test_curves_stay_while_the_scene_is_computed_again(
     tmp_path: Path, browser: Browser
 ) -> None:
@@ -493,81 +448,3 @@ sandbox.showPanel = (panel) => {
   });
 };
 """
-
-
-@pytest.mark.validate
-def test_letters_are_keys_by_their_place_on_other_layouts(
-    served: Served, each_browser: Browser
-) -> None:
-    browser = each_browser
-    browser.open(served[1])
-    press = (
-        "document.body.dispatchEvent(new KeyboardEvent('keydown',"
-        " { key: '%s', code: '%s', bubbles: true }))"
-    )
-    # t with Caps Lock, on a Cyrillic and on a Greek layout, and on Dvorak's
-    for key, code in (("T", "KeyT"), ("е", "KeyT"), ("τ", "KeyT"), ("t", "KeyK")):
-        before = browser.look("theme")
-        browser.script(press % (key, code))
-        browser.wait(lambda before=before: browser.look("theme") != before)
-
-
-@pytest.mark.validate
-def test_the_system_s_preference_counts_until_a_theme_is_chosen_also_after_a_reload(
-    served: Served, browser: Browser
-) -> None:
-    def prefer(theme: str) -> None:
-        browser.emulate(features=[{"name": "prefers-color-scheme", "value": theme}])
-
-    def answered() -> None:
-        # Messages of a page are answered in turn: then earlier ones are, too.
-        quantity = browser.look("quantity")
-        browser.key("c")
-        browser.wait(lambda: browser.look("quantity") != quantity)
-
-    def becomes(theme: str) -> None:
-        browser.wait(lambda: browser.look("theme") == theme)
-
-    prefer("dark")
-    browser.open(served[1])
-    becomes("dark")
-    prefer("light")
-    becomes("light")
-    browser.choose("video.theme", "dark")
-    becomes("dark")
-    prefer("dark")
-    prefer("light")
-    answered()
-    assert browser.look("theme") == "dark"
-    browser.open(served[1])
-    becomes("dark")
-    browser.key("t")
-    becomes("light")
-    prefer("dark")
-    browser.open(served[1])
-    answered()
-    assert browser.look("theme") == "light"
-
-
-@pytest.mark.validate
-def test_results_are_copied_over_plain_http_too(
-    served: Served, each_browser: Browser
-) -> None:
-    browser = each_browser
-    browser.open(served[1])
-    browser.type("speed", "20")
-    browser.click("drop")
-    browser.wait(browser.results, 60.0)
-    # as a page has it that came by plain http from another machine
-    browser.script(
-        "Object.defineProperty(navigator, 'clipboard', { value: undefined });"
-        "document.addEventListener('copy', (event) => {"
-        " window.copied = document.activeElement.value.slice("
-        "document.activeElement.selectionStart, document.activeElement.selectionEnd) })"
-    )
-    browser.script("document.querySelector('nav [data-tab=results]').click()")
-    browser.driver.find_element("id", "copy").click()
-    copied = browser.wait(lambda: browser.script("return window.copied ?? ''"))
-    assert copied.startswith("result\t")
-    assert "\n" in copied
-    assert not browser.script("return document.querySelectorAll('textarea').length")

@@ -1,6 +1,7 @@
 // A disk of seven points, and what users do with any page.
 
 const POINTS = [[0, 0], [1, 0], [0.5, 0.9], [-0.5, 0.9], [-1, 0], [-0.5, -0.9], [0.5, -0.9]];
+const REST = POINTS.flatMap(([x, y]) => [x + 0.1, y + 0.05]); // beside the origin
 const RING = [1, 2, 3, 4, 5, 6];
 const SIDES = RING.flatMap((i) => [i, (i % 6) + 1]);
 const indices = (list) => packed(Uint32Array.from(list));
@@ -18,7 +19,7 @@ const SCENE = {
   wall_surface: "",
   points: 7,
   disk_points: 7,
-  rest: packed(Float32Array.from(POINTS.flat())),
+  rest: packed(Float32Array.from(REST)),
   wall: { kind: "rigid", edge: 0.021, decay: 0.013 },
   spoke: 2,
   view: [-1.3, 1.6, -0.1, 2.3],

@@ -7,7 +7,7 @@ const differences = (rows) => rows.flatMap((row, k) => row.map((value, i) => val
 // Return a run with a number, which squeezes its disk, and its arrays.
 function runOf(number) {
   const part = (k) => (number + 1) * [0, 100, 400, -200][k];
-  const moved = [0, 1, 2, 3].map((k) => POINTS.flatMap(([x, y]) => [part(k) * x, -part(k) * y + 100 * k]));
+  const moved = [0, 1, 2, 3].map((k) => POINTS.flatMap(([x, y]) => [part(k) * x - 30 * k, -part(k) * y + 100 * k]));
   const steps = differences(moved);
   const codes = (zero) => differences([0, 1, 2, 3].map((k) => POINTS.map((_, i) => zero + 8 * k * (i - 2))));
   const forces = [5, 0, 0.01, 5, 0.002, 0.02, 6, -0.004, 0.03];
@@ -21,7 +21,7 @@ function runOf(number) {
     strain: bytesOf(codes(50), Uint8Array),
     fringes: bytesOf(codes(60), Uint8Array),
   };
-  const captions = [0, 1, 2, 3, 4, 5].map((k) => [`t = ${k}`, `+v = ${k}`, k === 5 ? "*e = 0.9" : "", "slow"]);
+  const captions = [0, 1, 2, 3, 4, 5].map((k) => [`t = ${k} of ${number}`, `+v = ${k}`, k === 5 ? "*e = 0.9" : "", "slow"]);
   const scene = { ...SCENE, full_force: 0.03, title: [`run ${number}`, "N = 7", "η* = 2"] };
   const limits = { pressure: { ...limit, signed: true }, strain: limit, fringes: limit };
   const run = { scene, states: STATES, captions, full_speed: number ? 0 : 0.04, unit: 1e-3, first: [0, 0, 1, 3, 3], limits };
@@ -35,14 +35,14 @@ async function packFilm() {
     cues: [0, 0, 1, 2, 2, 3],
     marks: [[2, "contact"], [3, "greatest compression"]],
     titles: ["normal velocity [initial]", "wall force [Mc²/R]", "energy [Mc²]"],
-    times: [-1, 0.5, 1.7, 4],
-    end: 3.5,
+    times: [0.5, 1.2, 2.7, 6],
+    end: 5.6,
     unit: "R/c",
     curves: [0, 1].flatMap((run) => [
       curve(run, 0, "", [-1, -0.6, 0.1, 0.9 - 0.1 * run]),
-      curve(run, 1, "", [0, 0.01, 0.03 + 0.01 * run, 0]),
+      curve(run, 1, "", [0, 0.01, 0.03 + 0.01 * run, -1e-6]),
       curve(run, 2, "elastic", [0, 2e-4, 6e-4, 1e-4]),
-      curve(run, 2, "wall", [0, 1e-5, -3e-6, 0]),
+      curve(2 * run + 1, 2, "wall", [0, 1e-5, -3e-4, 0]),
     ]),
   };
   let data = new Uint8Array();
@@ -57,7 +57,7 @@ async function packFilm() {
     }
     return run;
   });
-  const words = new TextEncoder().encode(JSON.stringify(head).replace(/$/, "   ").slice(0));
+  const words = new TextEncoder().encode(JSON.stringify(head) + "   ");
   const text = words.subarray(0, words.length - (words.length % 4));
   const parts = [Uint32Array.of(text.length), text, data];
   const stream = new Blob(parts).stream().pipeThrough(new CompressionStream("deflate"));

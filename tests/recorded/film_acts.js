@@ -45,7 +45,7 @@ step("fringes and points", () => {
   choose("draw", "points");
 });
 step("magnified, with other options", () => {
-  type("magnify", "3");
+  type("magnify", "3.14159");
   for (const id of ["forces", "velocity"]) get(id).click();
   for (const id of ["outline", "path"]) get(id).click();
 });
@@ -62,6 +62,7 @@ step("zoomed and moved", () => {
   pointer(panes[0], "pointerdown", 50, 50);
   pointer(panes[0], "pointermove", 80, 45);
   pointer(panes[0], "pointerup", 80, 45);
+  stage.observers[1]();
 });
 step("seen as a whole", () => get("whole").click());
 step("one above the other", () => {
@@ -74,6 +75,7 @@ step("low", () => {
 });
 step("tall and narrow curves", () => {
   Object.assign(get("curves").style, { width: "150px", height: "450px" });
+  window.devicePixelRatio = 2;
   moment(4);
 });
 window.recorded = stage.lines.join("\n");

@@ -179,10 +179,12 @@ function record() {
   step("a narrow page", () => {
     key("Escape");
     size("disk", 470, 390);
+    window.devicePixelRatio = 1.5;
     resize();
   });
   step("a narrower one", () => {
     size("disk", 300, 500);
+    window.devicePixelRatio = 1;
     show({ ...withValue("video.colour", "strain") });
     resize();
   });
@@ -191,7 +193,7 @@ function record() {
   step("an elastic wall, and a load", () => {
     size("disk", 640, 480);
     get("forces").checked = get("arrow").checked = true;
-    tell({ ...SCENE, points: 10, wall: { kind: "elastic", edge: 0.03, decay: 0.02 }, wall_surface: indices([7, 8, 9]), spoke: -1, unused: ["hit", "slow", "arrow"], labels: { drop: "Load", collect: "Collect ξ(P)", curve: "ξ over P" }, rest: packed(Float32Array.from([...POINTS.flat(), -2, 0, 0, -0.2, 2, 0])) });
+    tell({ ...SCENE, points: 10, wall: { kind: "elastic", edge: 0.03, decay: 0.02 }, wall_surface: indices([7, 8, 9]), spoke: -1, unused: ["hit", "slow", "arrow"], labels: { drop: "Load", collect: "Collect ξ(P)", curve: "ξ over P" }, rest: packed(Float32Array.from([...REST, -2, 0, 0, -0.2, 2, 0])) });
     tell({ ...GRAPHS, motion: ["compression ξ", "R"] });
     show({ atStart: true, number: 3, status: "disturbed", warnings: [], seed: 6, loadRange: [1e-4, 0.05] });
     showState({ number: 6, wall: [-2, 0, 0, -0.2, 2, 0], forces: [8, 0, -0.01] });
@@ -260,10 +262,27 @@ function record() {
     select.value = "dark";
     select.onchange();
   });
+  step("the system is dark, until a theme is chosen", () => {
+    const system = media["(prefers-color-scheme: dark)"];
+    system.matches = true;
+    system.onchange();
+    key("t");
+    system.onchange();
+  });
+  step("copied, with and without a clipboard", () => {
+    let clipboard = { writeText: (text) => note(`  clipboard ${text}`) };
+    Object.defineProperty(navigator, "clipboard", { get: () => clipboard });
+    document.execCommand = (name) => note(`  ${name} ${document.activeElement.value}`);
+    for (const one of [clipboard, undefined]) {
+      clipboard = one;
+      get("copy").click();
+    }
+  });
   step("keys", () => {
     for (const name of [" ", "ArrowLeft", "t", "g", "é", "?"]) key(name);
     get("keys").close();
-    key("т", { code: "KeyT" });
+    for (const [name, code] of [["T", "KeyT"], ["т", "KeyT"], ["τ", "KeyT"], ["t", "KeyK"]])
+      key(name, { code });
     key("h", { repeat: true });
     key("ArrowLeft", { repeat: true });
     key("h", { ctrlKey: true });
@@ -351,6 +370,7 @@ function record() {
     stage.sockets.at(-1).onclose({ reason: "all disks are in use" });
   });
   step("and again", () => wait(6000));
+  note(`another page of the tab is ${new Sandbox(stage.root, () => {}).theme}`);
 }
 
 stage.root = document.querySelector(".sandbox");
