@@ -19,6 +19,9 @@ SANDBOX = {
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--validate", action="store_true", help="also run the long checks")
+    parser.addoption(
+        "--record", action="store_true", help="write tests/looks anew, see recorded.py"
+    )
 
 
 def pytest_collection_modifyitems(
@@ -59,6 +62,14 @@ def kernels():
 
     runtime.start()
     return shared_kernels()
+
+
+@pytest.fixture
+def record(request):
+    """Return a function that compares lines of text with a recording."""
+    from recorded import check
+
+    return partial(check, is_recording=request.config.getoption("--record"))
 
 
 @pytest.fixture

@@ -1,0 +1,194 @@
+"""What pictures show, as text that is compared with a recording in tests/looks.
+
+`pytest --record tests/unit/test_looks.py` writes the recordings anew; then read the
+differences (`git diff tests/looks`), and look at the pictures.
+"""
+
+from __future__ import annotations
+
+import re
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import Collection
+from matplotlib.colors import to_hex
+from matplotlib.legend import Legend
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
+
+LOOKS = Path(__file__).with_name("looks")
+NUMBER = re.compile(r"-?\d+\.?\d*(?:e[-+]\d+)?")
+
+
+def differences(found, known):
+    """Return the lines of `found` that say something else than those of `known`.
+
+    The last digit of a number with a point may differ by two, because processors and
+    libraries round otherwise.
+    """
+    lines = [found.splitlines(), known.splitlines()]
+    if len(lines[0]) != len(lines[1]):
+        return [f"{len(lines[0])} lines instead of {len(lines[1])}"]
+    return [
+        f"{new}\ninstead of\n{old}"
+        for new, old in zip(*lines, strict=True)
+        if not _is_close(new, old)
+    ]
+
+
+def _is_close(new, old):
+    if NUMBER.sub("#", new) != NUMBER.sub("#", old):
+        return False
+    pairs = zip(NUMBER.findall(new), NUMBER.findall(old), strict=True)
+    return all(abs(float(a) - float(b)) <= _allowed(b) for a, b in pairs)
+
+
+def _allowed(text):
+    mantissa, _, exponent = text.partition("e")
+    _, point, decimals = mantissa.partition(".")
+    if not point:
+        return 0.0
+    return 2.01 * 10.0 ** (int(exponent or 0) - len(decimals))
+
+
+def check(name, lines, is_recording):
+    """Compare `lines` with a recording, or write it."""
+    path = LOOKS / f"{name}.txt"
+    text = "\n".join(lines) + "\n"
+    if is_recording:
+        path.write_text(text, encoding="utf-8")
+    found = differences(text, path.read_text(encoding="utf-8"))
+    assert not found, "\n".join(found)
+
+
+def digest(values):
+    """Return the shape of numbers, their bounds, mean, and a sum that changes with
+    their order."""
+    values = np.asarray(values, dtype=float)
+    if not values.size:
+        return f"{values.shape}"
+    flat = values[np.isfinite(values)]
+    parts = [flat.min(), flat.max(), flat.mean(), np.cos(np.arange(flat.size)) @ flat]
+    shape = "x".join(map(str, values.shape))
+    unit = 1e-7 * np.abs(flat).max()
+    return f"{shape}: " + " ".join(number(one, unit) for one in parts)
+
+
+def number(value, unit=1e-9):
+    """Return a number with four digits; what is smaller than `unit` is 0."""
+    if abs(value) < unit:
+        return "0"
+    text = f"{value:.3e}"
+    if 0.01 <= abs(value) < 1e4:
+        digits = 3 - int(np.floor(np.log10(abs(value))))
+        text = f"{value:.{max(digits, 0)}f}"
+        if "." not in text:
+            text += "."
+    return text
+
+
+def numbers(values):
+    return " ".join(number(float(one)) for one in np.ravel(values))
+
+
+def of_line(line):
+    """Return a line of a picture's words."""
+    face = line.face
+    weight = "bold" if face.bold else "plain"
+    place = numbers([line.left, line.baseline, face.size])
+    return f"{line.text!r} at {place} {weight} {face.ink}"
+
+
+# ---- figures of Matplotlib
+
+
+def of_figure(figure):
+    """Yield what a figure shows, and where [pt]: within two points, because versions
+    of Matplotlib measure letters otherwise."""
+    yield f"figure {numbers(figure.get_size_inches())} {figure.dpi:g} dpi"
+    for text in filter(None, (figure._suptitle, figure._supxlabel)):
+        yield _of_text("title", text)
+    for ax in figure.axes:
+        yield from _of_axes(ax)
+    for legend in figure.legends:
+        yield from _of_legend(legend)
+
+
+def points(figure, pixels):
+    """Return places on a figure [pt] that may differ by two."""
+    return " ".join(f"{one * 72.0 / figure.dpi:.0f}." for one in np.ravel(pixels))
+
+
+def _of_axes(ax: Axes):
+    figure = ax.figure
+    box = points(figure, ax.get_window_extent().extents)
+    yield f"axes {box} {to_hex(ax.get_facecolor())}"
+    for name, axis in (("x", ax.xaxis), ("y", ax.yaxis)):
+        ticks = [one.get_text() for one in axis.get_ticklabels() if one.get_visible()]
+        bounds = numbers(axis.get_view_interval())
+        yield f"  {name} {axis.get_scale()} {bounds} ticks {ticks}"
+        if axis.label.get_text():
+            yield "  " + _of_text(f"{name} label", axis.label)
+        for line in axis.get_gridlines()[:1]:
+            if line.get_visible():
+                yield f"  grid {to_hex(line.get_color())} {line.get_linewidth():.3g}"
+    titles = [ax.get_title(where) for where in ("left", "center", "right")]
+    for text in ax.findobj(Text):
+        if text.get_text() in filter(None, titles):
+            yield "  " + _of_text("title", text)
+    for label, styles in groupby(ax.lines, _style):
+        data = [line.get_xydata() for line in styles]
+        x, y = np.vstack(data).T
+        yield f"  {label} {digest(x)}; {digest(y)}"
+    for one in ax.collections:
+        yield "  " + _of_collection(one)
+    for patch in ax.patches:
+        colour = to_hex(patch.get_facecolor())
+        bounds = points(figure, patch.get_window_extent().extents)
+        yield f"  patch {colour} {bounds} above {patch.get_zorder():g}"
+    for text in ax.texts:
+        yield "  " + _of_text("text", text)
+    if ax.get_legend():
+        yield from _of_legend(ax.get_legend())
+
+
+def _style(line: Line2D):
+    name = line.get_label()
+    if name.startswith("_"):  # by Matplotlib
+        name = ""
+    colour = to_hex(line.get_color())
+    style = f"{line.get_linestyle()} {line.get_linewidth():.3g}"
+    marker = f"{line.get_marker()} {line.get_markersize():.3g}"
+    return f"curve {name!r} {colour} {style} {marker} {line.get_clip_on()}"
+
+
+def _of_collection(one: Collection):
+    name = type(one).__name__
+    data = ""
+    if one.get_array() is not None:
+        data = f"{digest(one.get_array())} from {numbers(one.get_clim())}"
+    paths = [path.vertices for path in one.get_paths()]
+    place = digest(np.concatenate([np.zeros((0, 2)), *paths]))
+    return f"{name} {numbers(one.get_linewidths())} {data} {place}"
+
+
+def _of_text(name, text: Text):
+    colour = to_hex(text.get_color())
+    pixels = text.get_transform().transform(text.get_position())
+    place = points(text.figure, pixels)
+    aligned = f"{text.get_ha()} {text.get_va()} {text.get_fontweight()}"
+    return (
+        f"{name} {text.get_text()!r} {colour} {text.get_size():.3g} {aligned} {place}"
+    )
+
+
+def _of_legend(legend: Legend):
+    texts = legend.get_texts()
+    places = np.array([text.get_window_extent().min for text in texts])
+    columns = len(np.unique(places[:, 0].round()))
+    first = points(legend.figure, places[0])
+    yield f"  legend {columns} columns from {first} letter {texts[0].get_size():.3g}"
+    for text in texts:
+        yield f"    {text.get_text()!r} {to_hex(text.get_color())}"

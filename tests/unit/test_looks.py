@@ -1,0 +1,455 @@
+"""What pictures, films and figures show: words, marks, curves and colours, compared
+with recordings (see recorded.py).
+
+Runs are formulae, letters have one width, and the graphics card is a sheet that notes
+what is drawn on it, so nothing else changes these texts.
+"""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from bodies import painter
+from matplotlib.backends import backend_agg
+from PIL import Image, ImageDraw
+from programs import packed
+from recorded import digest, number, numbers, of_figure, of_line
+
+from taichi_disk import load_scene
+from taichi_disk.computation.driver import State
+from taichi_disk.computation.outcome import Outcome
+from taichi_disk.figures.curves import analyse
+from taichi_disk.figures.drawing import figure_to_change
+from taichi_disk.output.panel import PanelPictures, draw_panel
+from taichi_disk.output.plot import plot_scene, run_figure
+from taichi_disk.progress import silent
+from taichi_disk.render import film, pictures
+from taichi_disk.render import painter as painting
+from taichi_disk.render.geometry import Camera
+from taichi_disk.render.letters import Face, Letters, Line
+from taichi_disk.render.moments import Caption, Span
+from taichi_disk.render.palette import THEMES, colour_map
+from taichi_disk.render.panel import panel_scene
+from taichi_disk.render.pictures import Disk, arranged
+from taichi_disk.render.state_figure import draw_state
+from taichi_disk.render.words import Scales, Title, caption_lines, fitting_letters
+from taichi_disk.simulation.observables import COLUMNS
+from taichi_disk.web.film import write_page
+
+SMALL = ("lattice.points=40", "lattice.seed=3")
+THROW = (*SMALL, "impact.velocity=0.05", "impact.gap=0.1", "material.eta_star=5")
+
+
+@pytest.fixture(autouse=True)
+def one_width(monkeypatch):
+    monkeypatch.setattr(Face, "width", lambda face, text: 0.55 * face.size * len(text))
+
+
+def invented(name, *settings):
+    """Return a run of a scene whose states and columns are formulae."""
+    scenario = load_scene(name, settings).scenario()
+    lattice = scenario.lattice
+    n = lattice.disk_points
+    rest = lattice.positions
+    middle = lattice.mean(rest)
+    first, last = (0.0, 1.0) if scenario.static else (3.0, 9.0)
+
+    def pressed(t):
+        """Return how far the contact has come, 0 to 1, and how strong it is."""
+        part = np.clip((t - first) / (last - first), 0.0, 1.0)
+        if scenario.static:
+            return part, part
+        return part, np.sin(np.pi * part) ** 2
+
+    def state(t):
+        part, strength = pressed(t)
+        x = rest.copy()
+        arm = rest[:n] - middle
+        wave = 0.004 * np.sin(3.0 * t + np.arange(n))[:, None] * [1.0, 0.5]
+        x[:n] += strength * arm * [0.02, -0.06] + strength * wave
+        # above the wall, in whose haze forces are no larger than `largest_force`
+        height = 0.055 - 0.005 * strength + 0.05 * max(first - t, 0.9 * (t - last), 0.0)
+        x[:n] += [0.01 * t, height - x[:n, 1].min()]
+        v = np.zeros_like(x)
+        v[:n] = [0.01, 0.05 * (1.9 * part - 1.0)] + 0.3 * wave
+        return State(float(t), x, v)
+
+    t = np.linspace(0.0, 12.0, 121)
+    if scenario.static:
+        t = np.linspace(1.0 / 24.0, 1.0, 24)
+    part, strength = pressed(t)
+    columns = {column.name: np.zeros(len(t)) for column in COLUMNS}
+    columns |= {"t": t, "com_vx": 0.01 + 0.0 * t, "com_vy": 0.05 * (1.9 * part - 1.0)}
+    columns["angular_momentum"] = 1e-3 * part
+    columns["com_y"] = [lattice.mean(state(one).positions)[1] for one in t]
+    columns["lowest_y"] = [state(one).positions[:n, 1].min() for one in t]
+    columns["wall_force"] = 0.03 * strength
+    columns["xi"] = 0.02 * strength
+    columns["residual"] = 1e-3 * 0.1**t
+    columns["elastic"] = 1e-3 * strength
+    columns["wall"] = 2e-4 * strength
+    columns["load"] = 5e-4 - 4e-4 * part
+    columns["translation"] = 0.5 * (columns["com_vy"] ** 2 + 1e-4)
+    columns["rotation"] = 1e-5 * part
+    columns["vibration"] = 1e-4 * part * (1.0 + np.sin(t))
+    parts = ("translation", "rotation", "vibration")
+    columns["kinetic"] = sum(columns[name] for name in parts)
+    columns["dissipated"] = 3e-4 * part
+    columns["total"] = 1.3e-3 + 1e-7 * t
+    return Outcome(
+        scenario=scenario,
+        series={name: np.array(values) for name, values in columns.items()},
+        positions=state(t[-1]).positions,
+        velocities=state(t[-1]).velocities,
+        largest_force=0.02,
+        replay=lambda times: map(state, times),
+        frames=lambda times: map(state, times),
+        summary={},
+    )
+
+
+def video(**keys):
+    settings = [f"video.{key}={value}" for key, value in keys.items()]
+    return load_scene("exponential_wall", settings).video
+
+
+# ---- films
+
+
+class Sheet:
+    """A window of GGUI, its canvas, and a list of what was drawn."""
+
+    is_soft = True
+
+    def __init__(self, size, notes):
+        self.size = size
+        self.notes = notes
+        self.canvas = self
+        notes.append(f"window {size}")
+
+    def get_canvas(self):
+        return self
+
+    def set_background_color(self, colour):
+        self.notes.append(f"ground {colour}")
+
+    def _note(self, kind, vertices, indices, size):
+        width, height = self.size
+        place = vertices[:, :2] * [width, -height] + [0.0, height]
+        text = f"{kind} {numbers([height * size])} at {digest(place)}"
+        text += f" colour {digest(255.0 * vertices[:, 8:12])}"
+        if vertices[:, 3:6].any():
+            text += f" soft {digest(vertices[:, 3:6])}"
+        if indices is not None:
+            text += f" corners {digest(indices)}"
+        self.notes.append(text)
+
+    def triangles(self, vertices, indices, *_):
+        self._note("triangles", vertices, indices, 0.0)
+
+    def lines(self, vertices, indices, has_colours, colour, width):
+        self._note("lines", vertices, indices, width)
+
+    def circles(self, vertices, has_colours, has_radii, colour, radius):
+        self._note("circles", vertices, None, radius)
+
+    def get_image_buffer_as_numpy(self):
+        # GGUI's image: x, y upwards, colour
+        width, height = self.size
+        across = np.linspace(0.2, 0.8, width)[:, None]
+        upwards = np.linspace(0.1, 0.9, height)
+        layers = [across + 0.0 * upwards, upwards + 0.0 * across, across * upwards]
+        image = np.stack([*layers, np.ones((width, height))], axis=2)
+        return np.rint(255.0 * image).astype(np.float32) / np.float32(255.0)
+
+    def destroy(self):
+        self.notes.append("closed")
+
+
+def of_picture(picture):
+    """Return mean colours of a picture's tiles, eight across."""
+    height, width, _ = picture.shape
+    size = -(-width // 8)
+    for top in range(0, height, size):
+        tiles = [
+            picture[top : top + size, left : left + size].mean(axis=(0, 1))
+            for left in range(0, width, size)
+        ]
+        yield "  " + " | ".join(" ".join(f"{c:.0f}." for c in one) for one in tiles)
+
+
+FILMS = {
+    "impact": (
+        ["exponential_wall"],
+        {"size": 720, "seconds": 0.5},
+    ),
+    "comparison": (
+        ["exponential_wall impact.angle=0.3", "exponential_wall impact.spin=0.1"],
+        {"size": 480, "seconds": 0.3, "theme": "dark", "colour": "pressure"}
+        | {"draw": "springs", "magnify": 2, "supersample": 1.5},
+    ),
+    "loading": (
+        ["compression compression.method=newton"],
+        {"size": 360, "seconds": 0.3, "colour": "fringes", "words": "few"},
+    ),
+    "elastic_wall": (
+        ["absorbing_wall wall.points=60 wall.width=3"],
+        {"size": 480, "seconds": 0.3, "colour": "strain", "draw": "points"}
+        | {"text": 1.5, "panel": "false"},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FILMS)
+def test_a_film(name, tmp_path, monkeypatch, record):
+    scenes, keys = FILMS[name]
+    notes = []
+    texts = []  # of another thread
+    panels = []
+    runs = []
+    for words in scenes:
+        kind, *settings = words.split()
+        common = SMALL if kind == "compression" else THROW
+        runs.append(invented(kind, *common, *settings))
+
+    def begin(draw, scene):
+        panels.append(scene)
+        width, height = scene.size
+        coming = np.full((height, width, 4), 180, dtype=np.uint8)
+        boxes = [(60, width - 20, 40, 100), (60, width - 20, 140, 200)]
+        return lambda: PanelPictures(coming, coming // 2, boxes)
+
+    def letters(line, draw, left, top):
+        texts.append(f"{of_line(line)} from {numbers([left, top])}")
+
+    monkeypatch.setattr(Line, "draw", letters)
+    monkeypatch.setattr(painting, "get_field_info", lambda array: array)
+    monkeypatch.setattr(film, "require_film", lambda: None)
+    monkeypatch.setattr(pictures, "open_window", lambda size: Sheet(size, notes))
+    look = video(fps=10, **keys)
+    artist = SimpleNamespace(begin=begin)
+    film.draw_film(tmp_path / "film", runs, look, silent, artist=artist)
+    notes += texts
+    for path in sorted((tmp_path / "film").iterdir()):
+        notes += [path.name, *of_picture(np.asarray(Image.open(path)))]
+    for scene in panels:
+        notes += [f"panel {scene.size} {scene.letter} {scene.labels}", digest(scene.t)]
+        for curve in scene.curves:
+            shown = f"{curve.panel} {curve.name} {curve.colour} {curve.style}"
+            notes.append(f"  {shown} {digest(curve.values)}")
+    record(name, notes)
+
+
+# ---- words and marks
+
+
+LONG = Title(
+    "Impact on an elastic wall with friction",
+    ("v = 0.1 c", "η* = 0", "a = 300/R", "N = 1,099", "reset every 0.003 R/c"),
+    ("displacements × 2",),
+)
+CAPTIONS = [
+    Caption(-14.12, lines=("before t = 0", "−0.78 v")),
+    Caption(2.05, "greatest compression", (), ("t = 2.05 R/c", "0.00 v")),
+    Caption(4.35, lines=("t = 4.35 R/c", "+0.93 v"), result="e = 0.9672"),
+]
+
+
+@pytest.mark.parametrize(
+    ("size", "factor", "colour"),
+    [
+        (200, 1.0, "shear"),
+        (240, 1.0, "fringes"),
+        (360, 1.0, "strain"),
+        (360, 2.0, "force"),
+        (720, 1.0, "pressure"),
+        (720, 1.0, "fringes"),
+        (1440, 1.5, "rate"),
+    ],
+)
+def test_words_of_pictures(size, factor, colour, record):
+    drawer = painter(colour=colour)
+    outer = [drawer.lattice.positions * 1.4]
+    disks = [Disk(drawer, LONG, CAPTIONS, outer) for _ in range(2)]
+    disks[1] = replace(disks[1], title=replace(LONG, heading="η* = 3", enlarged=1.5))
+    letters = fitting_letters(Letters(size, factor), [CAPTIONS], size)
+    camera, legends = arranged(disks, size, letters, (-1.5, 1.5, 0.0, 2.4))
+    scales = Scales(drawer, 2 * size, letters, camera.scale)
+    pace = ("1 s = 5.3 R/c", "slow motion, 5 times")
+    notes = [f"camera {numbers([camera.scale, *camera.middle])}"]
+    for legend in legends:
+        notes += [f"header {legend.header}", *map(of_line, legend.lines)]
+    notes += [f"footer {letters.footer}", *map(of_line, scales.lines)]
+    notes += map(of_line, scales.pace_lines(pace))
+    for caption in CAPTIONS:
+        notes += map(of_line, caption_lines(letters, caption, size))
+    below = np.zeros((letters.footer + 2, 2 * size, 4), np.uint8)
+    picture = Image.fromarray(below)
+    scales.draw(below, picture, ImageDraw.Draw(picture))
+    notes += of_picture(below[..., :3])
+    record(f"words_{size}_{factor:g}_{colour}", notes)
+
+
+def test_marks_above_the_disk(record):
+    drawer = painter(theme="dark", full_speed=0.1, spoke=5, edge=0.02, full_force=0.02)
+    x = drawer.lattice.positions * [1.1, 0.9]
+    camera = Camera.fit((-1.3, 1.2, -0.1, 2.3), 400, 360, (0.0, 400.0, 10.0, 350.0))
+    notes = []
+    for unit, speed in ((0.5, -0.05), (2.0, 0.1), (1.0, 1e-4)):
+        v = np.full_like(x, speed) * [0.3, 1.0]
+        for mark in drawer.marks(camera, x, v, drawer.placed(x), unit):
+            notes.append(f"{mark.ink} rim {number(mark.rim)} {digest(mark.corners)}")
+    record("marks", notes)
+
+
+# ---- figures of Matplotlib
+
+
+def seen(monkeypatch):
+    """Return a list of the figures that are drawn from now on."""
+    figures = []
+    canvas = backend_agg.FigureCanvasAgg
+
+    class Noting(canvas):
+        def __init__(self, figure):
+            super().__init__(figure)
+            figures.append(figure)
+
+    monkeypatch.setattr(backend_agg, "FigureCanvasAgg", Noting)
+    return figures
+
+
+RUNS = {
+    "impact": ("exponential_wall", *THROW),
+    "oblique": ("absorbing_wall", *THROW, "wall.points=60", "impact.spin=0.1"),
+    "loading": ("compression", *SMALL, "compression.method=newton"),
+}
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_plots(name, record):
+    run = invented(*RUNS[name])
+    figure = run_figure(plot_scene(run.scenario, run.series, "e = 0.97 ± 0.01"))
+    record(f"plot_{name}", of_figure(figure))
+
+
+@pytest.mark.parametrize(
+    ("name", "height", "factor", "theme"),
+    [("impact", 720, 1.0, "light"), ("oblique", 600, 1.4, "dark")],
+)
+def test_panels_beside_films(name, height, factor, theme, monkeypatch, record):
+    figures = seen(monkeypatch)
+    scene = panel_scene(invented(*RUNS[name]), Letters(height, factor), theme)
+    drawn = draw_panel(scene)
+    record(f"panel_{name}", [*of_figure(figures[0]), f"{drawn.boxes}"])
+
+
+V = np.geomspace(3e-3, 5e-2, 9)
+AXES = {
+    "restitution": ["eta_star", "seed", "velocity"],
+    "elastic_wall": ["eta_star", "seed", "velocity"],
+    "compression": ["seed", "pressure"],
+    "over_points": ["points", "seed"],
+}
+
+
+def rows_of(name):
+    """Rows of a sweep whose results are formulae."""
+    same = {"status": "done", "young": 1.1, "poisson": 0.3, "contact_time": 6.0}
+    rows = []
+    for seed in (0, 1, 2):
+        for k, v in enumerate(V):
+            own = same | {"seed": seed, "velocity": v, "pressure": v}
+            own |= {"points": 100 * (k + 1), "restitution": 0.9 - 0.01 * k * k * v}
+            own["xi"] = v * (1.0 + 0.01 * seed - 0.3 * np.log(v))
+            own |= {"xi_nominal": 1.1 * own["xi"], "xi_extrapolated": 0.0}
+            for eta in (0.0, 30.0) if "eta_star" in AXES[name] else (0.0,):
+                e = own["restitution"] - (0.003 + 1e-3 * seed) * eta * np.sqrt(v)
+                rows.append(own | {"eta_star": eta, "restitution": e})
+    return rows
+
+
+@pytest.mark.parametrize("name", AXES)
+def test_figures_of_sweeps(name, record):
+    kinds = {"compression": "compression", "elastic_wall": "absorbing_wall"}
+    base = load_scene(kinds.get(name, "exponential_wall"))
+    diagram = analyse(base, AXES[name], rows_of(name))
+    record(f"sweep_{name}", of_figure(figure_to_change(diagram)))
+
+
+@pytest.mark.parametrize(
+    ("name", "colour"), [("impact", "fringes"), ("oblique", "pressure")]
+)
+def test_states_on_axes(name, colour, record):
+    run = invented(*RUNS[name])
+    figure = draw_state(run, video(colour=colour), "greatest")
+    record(f"state_{name}_{colour}", of_figure(figure))
+
+
+@pytest.mark.parametrize("theme", THEMES)
+def test_colours_of_a_theme(theme, record):
+    colours = THEMES[theme]
+    notes = [f"{name} {value}" for name, value in vars(colours).items()]
+    for kind in ("pressure", "stretch", "amount", "fringes"):
+        for bare in (False, True):
+            table = 255.0 * colour_map(theme, kind, bare)
+            notes.append(f"{kind} {bare} {digest(table)}")
+    record(f"theme_{theme}", notes)
+
+
+# ---- pages
+
+
+def of_json(value, place=""):
+    """Yield a line for each part of a message; long lists and bytes as digests."""
+    if isinstance(value, dict):
+        inner = {key: each for key, each in value.items() if is_nested(each)}
+        texts = [f"{k}: {as_text(v, k)}" for k, v in value.items() if k not in inner]
+        if texts:
+            yield f"{place} {'; '.join(texts)}"
+        for name, each in inner.items():
+            yield from of_json(each, f"{place}.{name}")
+        return
+    for each in value:
+        yield from of_json(each, f"{place} -")
+
+
+def is_nested(value):
+    if isinstance(value, list):
+        return bool(value) and isinstance(value[0], dict)
+    return isinstance(value, dict)
+
+
+def as_text(value, name):
+    if isinstance(value, float):
+        return number(value)
+    if isinstance(value, list) and {type(one) for one in value} <= {int, float}:
+        return digest(value)
+    if isinstance(value, list):
+        return f"[{', '.join(as_text(one, name) for one in value)}]"
+    if isinstance(value, str) and len(value) > 80:
+        kind = {"rest": "<f4"}.get(name, "<u4")
+        kind = "u1" if " " in name else kind  # of a map of colours
+        return digest(np.frombuffer(base64.b64decode(value), kind))
+    return f"{value}"
+
+
+TYPES = {"centres": "<f4", "velocities": "<f4", "forces": "<f4"}
+
+
+@pytest.mark.parametrize("name", ["impact", "loading"])
+def test_a_film_that_is_a_page(name, tmp_path, record):
+    path = tmp_path / "film.html"
+    run = invented(*RUNS[name])
+    look = video(fps=10, seconds=2, theme="dark", colour="strain")
+    write_page(path, [run], look, silent, Span(end="end"))
+    head, data = packed(path)
+    notes = list(of_json(head))
+    for key, (first, count) in head["runs"][0]["arrays"].items():
+        array = np.frombuffer(data, TYPES.get(key, "u1"), count, first)
+        notes.append(f"{key} {digest(array)}")
+    record(f"page_{name}", notes)
