@@ -220,25 +220,3 @@ def test_smoothing_averages_over_the_area_of_each_pixel(samples):
     block = round(2 * samples)
     mean = fine.reshape(24, block, 16, block, 4).mean(axis=(1, 3))
     assert shrunk(drawn, samples)[..., :3] == pytest.approx(mean[..., :3], abs=1.01)
-
-
-@pytest.mark.parametrize("theme", THEMES)
-def test_an_outline_is_a_smooth_line_of_1_9_pixels_on_both_sides_of_the_rim(
-    shoot, theme
-):
-    # at twice the size of a film of 720 pixels, so that its profile is resolved
-    x = DISK.positions + [0.0, 1.1]
-    picture = shoot(DISK, x, theme=theme, colour="pressure", unit=2.0)
-    column, row = to_pixels(CAMERA, (0.0, 1.1))
-    ink = np.array(THEMES[theme].ink)
-    contrast = np.linalg.norm(ground(theme) - ink)
-    beside = []
-    for turn in np.linspace(0.0, 6.2, 60):
-        direction = np.array([np.cos(turn), np.sin(turn)])
-        far = np.linspace(0.85, 1.15, 500)[:, None] * CAMERA.scale * direction
-        columns, rows = (far + [column, row]).astype(int).T
-        off = np.linalg.norm(picture[rows, columns] - ground(theme), axis=1)
-        darkness = off[far[:, 0].size // 2 :] / contrast  # outside of the rim
-        beside.append(darkness.clip(0.0, 1.0).sum() * 0.3 / 500 * CAMERA.scale)
-    # The darkness falls evenly to nothing over half the width, 2 x 1.9 pixels.
-    assert np.mean(beside) == pytest.approx(0.5 * 2.0 * 1.9, rel=0.2)

@@ -24,6 +24,7 @@ from taichi_disk.computation.driver import State
 from taichi_disk.computation.outcome import Outcome
 from taichi_disk.figures.curves import analyse
 from taichi_disk.figures.drawing import figure_to_change
+from taichi_disk.lattice import OwnStart
 from taichi_disk.output.panel import PanelPictures, draw_panel
 from taichi_disk.output.plot import plot_scene, run_figure
 from taichi_disk.progress import silent
@@ -35,6 +36,7 @@ from taichi_disk.render.moments import Caption, Span
 from taichi_disk.render.palette import THEMES, colour_map
 from taichi_disk.render.panel import panel_scene
 from taichi_disk.render.pictures import Disk, arranged
+from taichi_disk.render.recording import Flight
 from taichi_disk.render.state_figure import draw_state
 from taichi_disk.render.words import Scales, Title, caption_lines, fitting_letters
 from taichi_disk.simulation.observables import COLUMNS
@@ -56,7 +58,11 @@ def invented(name, *settings):
     n = lattice.disk_points
     rest = lattice.positions
     middle = lattice.mean(rest)
-    first, last = (0.0, 1.0) if scenario.static else (3.0, 9.0)
+    first, last = 3.0, 9.0
+    if scenario.static:
+        first, last = 0.0, 1.0
+    elif scenario.scene.impact.spin:
+        last = 10.0
 
     def pressed(t):
         """Return how far the contact has come, 0 to 1, and how strong it is."""
@@ -105,7 +111,7 @@ def invented(name, *settings):
         series={name: np.array(values) for name, values in columns.items()},
         positions=state(t[-1]).positions,
         velocities=state(t[-1]).velocities,
-        largest_force=0.02,
+        largest_force=0.1,
         replay=lambda times: map(state, times),
         frames=lambda times: map(state, times),
         summary={},
@@ -242,6 +248,35 @@ def test_a_film(name, tmp_path, monkeypatch, record):
             shown = f"{curve.panel} {curve.name} {curve.colour} {curve.style}"
             notes.append(f"  {shown} {digest(curve.values)}")
     record(name, notes)
+
+
+@pytest.mark.parametrize(
+    ("settings", "flies"),
+    [
+        (("material.eta_star=0", "impact.spin=0.1"), True),
+        (("impact.spin=0.1",), False),
+        (("impact.spin=0.1", "material.dashpot=axial"), True),
+        ((), True),
+    ],
+)
+def test_a_disk_flies_before_the_run_only_if_it_would_keep_its_spin(settings, flies):
+    run = invented("exponential_wall", *THROW, *settings)
+    flight = Flight.of(run, 0.33)
+    assert (flight.start < 0.0) == flies
+    thrown_by_hand = replace(run.scenario, own=OwnStart(None, np.ones((40, 2))))
+    assert Flight.of(replace(run, scenario=thrown_by_hand), 0.33).start == 0.0
+    if flies:
+        _, x, v = next(flight.frames(np.array([flight.start])))
+        lattice = run.scenario.lattice
+        # The run begins where the flight leads, as a rigid body.
+        moved = lattice.mean(x) - flight.start * lattice.mean(v)
+        assert moved == pytest.approx(lattice.mean(lattice.positions), abs=1e-9)
+        turned = x - lattice.mean(x) - flight.start * (v - lattice.mean(v))
+        rest = lattice.positions - lattice.mean(lattice.positions)
+        spin = run.scenario.scene.impact.spin
+        assert turned == pytest.approx(
+            rest, abs=1e-9 + 0.5 * (spin * flight.start) ** 2
+        )
 
 
 # ---- words and marks

@@ -65,30 +65,6 @@ def test_no_word_of_a_panel_is_cut(letter, height):
         assert (edge == panel[0, 0]).all()
 
 
-def test_each_curve_has_its_title_and_the_lowest_the_time():
-    shown = scene()
-    pictures = draw_panel(shown)
-    inked = (pictures.coming[..., :3] != pictures.coming[0, 0, :3]).any(axis=-1)
-    letter = round(shown.letter)
-    for left, right, top, _ in pictures.boxes:
-        title = inked[top - 2 * letter : top - 3, left:right]
-        assert np.flatnonzero(title.any(axis=0))[0] < 0.5 * letter
-    *others, (left, right, _, bottom) = pictures.boxes
-    for _, _, _, below in others:
-        assert not inked[below + 6 : below + letter, left:right].any()
-    rows = inked[bottom + 2 :, left:right].any(axis=1)
-    numbers, time = np.flatnonzero(np.diff(rows.astype(int), prepend=0) == 1)
-    assert 0.8 * letter < time - numbers < 2 * letter
-
-
-def test_lines_of_energies_differ_where_a_name_does():
-    shown = scene(2)
-    dashed = replace(shown.curves[-1], style="--")
-    drawn = draw_panel(replace(shown, curves=[*shown.curves[:-1], dashed]))
-    whole = draw_panel(shown)
-    assert (drawn.past != whole.past).any()
-
-
 def test_a_line_stands_at_the_time_between_coloured_and_grey_curves():
     shown = scene()
     shown = replace(shown, t=shown.t + 1.0)
