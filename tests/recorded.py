@@ -64,33 +64,33 @@ def check(name, lines, is_recording):
 
 
 def digest(values):
-    """Return the shape of numbers, their bounds, mean, and a sum that changes with
-    their order."""
+    """Return the shape of numbers and the largest; over it their bounds, mean, and a
+    sum that depends on their order."""
     values = np.asarray(values, dtype=float)
-    if not values.size:
-        return f"{values.shape}"
     flat = values[np.isfinite(values)]
-    parts = [flat.min(), flat.max(), flat.mean(), np.cos(np.arange(flat.size)) @ flat]
     shape = "x".join(map(str, values.shape))
-    unit = 1e-7 * np.abs(flat).max()
-    return f"{shape}: " + " ".join(number(one, unit) for one in parts)
+    largest = np.abs(flat).max(initial=0.0)
+    if largest == 0.0:
+        return f"{shape} of 0"
+    flat = flat / largest
+    order = np.cos(np.arange(flat.size)) @ flat
+    parts = (flat.min(), flat.max(), flat.mean(), order)
+    return f"{shape} of {number(largest)}: {' '.join(f'{z:.4f}' for z in parts)}"
 
 
-def number(value, unit=1e-9):
-    """Return a number with four digits; what is smaller than `unit` is 0."""
-    if abs(value) < unit:
+def number(value):
+    """Return a number with four digits; what is smaller than 1e-9 is 0."""
+    if abs(value) < 1e-9:
         return "0"
     text = f"{value:.3e}"
     if 0.01 <= abs(value) < 1e4:
         digits = 3 - int(np.floor(np.log10(abs(value))))
-        text = f"{value:.{max(digits, 0)}f}"
-        if "." not in text:
-            text += "."
+        text = f"{value:#.{max(digits, 0)}f}"
     return text
 
 
 def numbers(values):
-    return " ".join(number(float(one)) for one in np.ravel(values))
+    return " ".join(number(one) for one in np.ravel(values))
 
 
 def of_line(line):
@@ -168,7 +168,9 @@ def _of_collection(one: Collection):
     name = type(one).__name__
     data = ""
     if one.get_array() is not None:
+        colours = one.cmap(np.linspace(0.0, 1.0, 50))
         data = f"{digest(one.get_array())} from {numbers(one.get_clim())}"
+        data += f" in {digest(colours)}"
     paths = [path.vertices for path in one.get_paths()]
     place = digest(np.concatenate([np.zeros((0, 2)), *paths]))
     return f"{name} {numbers(one.get_linewidths())} {data} {place}"

@@ -49,17 +49,6 @@ def test_a_state_is_drawn_in_the_colours_of_films_where_it_is(result):
     assert f"{state.t:.4g}" in axes.get_title()
 
 
-def test_a_fringe_is_bright_between_whole_orders(result):
-    figure = result.draw(colour="fringes")
-    axes, bar = figure.axes
-    (field,) = meshes(axes)
-    orders = field.get_array()
-    assert bar.get_ylim()[1] == np.ceil(orders.max())
-    light = field.cmap(field.norm(np.array([0.0, 0.5, 1.0, 1.5])))[:, :3]
-    table = colour_map("light", "fringes")
-    assert light == pytest.approx(table[[0, -1, 0, -1]], abs=0.03)
-
-
 def test_a_state_is_drawn_on_given_axes_at_any_moment(result):
     figure = Figure()
     left, right = figure.subplots(1, 2)
@@ -117,8 +106,8 @@ def test_the_fonts_of_a_file_are_those_that_publishers_take(result, tmp_path, fo
         assert b"/FontType 3" not in content
 
 
-# the widest words and numbers beside the bar; the others with --validate
-WIDE = ("rate", "fringes", "kinetic")
+# the widest numbers beside the bar; the others with --validate
+WIDE = ("kinetic",)
 
 
 @pytest.mark.parametrize(

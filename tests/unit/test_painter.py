@@ -33,8 +33,3 @@ def test_arrows_begin_above_the_wall_s_edge_however_much_displacements_are_magni
     placed = default_painter.placed(x)
     feet, _ = default_painter.pushes(x, 0 * x, placed, 1e-3)
     assert feet[:, 1].min() == default_painter.edge
-
-
-def test_magnified_displacements_and_the_layer_of_an_elastic_wall_are_explained():
-    assert painter().remarks == []
-    assert painter(magnify=20.0).remarks == ["displacements × 20"]

@@ -1,6 +1,5 @@
 """Words and scales of pictures: large enough, whole, and apart."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ from PIL import Image, ImageDraw
 
 from taichi_disk.render.letters import LEAST, Letters, lacking
 from taichi_disk.render.moments import Caption
-from taichi_disk.render.pictures import Disk, arranged
+from taichi_disk.render.pictures import Disk
 from taichi_disk.render.words import (
     Legend,
     Scales,
@@ -96,46 +95,6 @@ def filmed_disk():
     title = Title("η* = 100", TITLE.parameters, enlarged=1.5)
     made = painter()
     return Disk(made, title, CAPTIONS, [made.lattice.positions])
-
-
-@pytest.mark.parametrize("factor", [1.0, 1.5, 2.0, 3.0])
-def test_parameters_that_do_not_fit_are_left_out_of_all_pictures_by_rank(factor):
-    left = filmed_disk()
-    right = replace(left, title=replace(left.title, heading="a much longer label"))
-    letters = fitting_letters(Letters(720, factor), [CAPTIONS], 640)
-    camera, legends = arranged([left, right], 640, letters, (-1.1, 1.1, 0.0, 2.4))
-    shown = []
-    for one in legends:
-        text = "    ".join(line.text for line in one.lines)
-        found = [each in text for each in TITLE.parameters]
-        assert found == sorted(found, reverse=True)  # the first ones
-        shown.append(found)
-    assert shown[0] == shown[1]
-    if factor == 1.0:
-        assert all(shown[0])
-    else:
-        assert not all(shown[0])
-    _, top = camera.to_pixels((0.0, 2.4))
-    header = max(one.header for one in legends)
-    assert header - 1.0 <= top
-    assert header < 0.6 * 720
-
-
-@pytest.mark.parametrize("is_elastic", [True, False])
-def test_words_stand_above_an_elastic_wall_however_large_they_are(is_elastic):
-    disk = filmed_disk()
-    if is_elastic:
-        ends = np.array([0, 1], dtype=np.int32)
-        lattice = replace(disk.painter.lattice, wall_surface=ends)
-        disk = replace(disk, painter=replace(disk.painter, lattice=lattice))
-    disk = replace(disk, title=replace(disk.title, remarks=("displacements × 2",)))
-    letters = Letters(720, 1.5)
-    assert letters.small.size == 1.5 * Letters(720).small.size
-    assert letters.footer > Letters(720).footer
-    camera, (block,) = arranged([disk], 720, letters, (-3.0, 3.0, -4.0, 2.4))
-    _, wall = camera.to_pixels((0.0, 0.0))
-    _, _, _, bottoms = np.array(block.boxes).T
-    assert (bottoms.max() < wall) == is_elastic
 
 
 def test_letters_that_the_font_lacks_come_from_a_font_of_the_system(monkeypatch):
