@@ -20,7 +20,7 @@ SANDBOX = {
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--validate", action="store_true", help="also run the long checks")
     parser.addoption(
-        "--record", action="store_true", help="write tests/looks anew, see recorded.py"
+        "--record", action="store_true", help="write tests/looks anew, see shown.py"
     )
 
 
@@ -67,7 +67,7 @@ def kernels():
 @pytest.fixture
 def record(request):
     """Return a function that compares lines of text with a recording."""
-    from recorded import check
+    from shown import check
 
     return partial(check, is_recording=request.config.getoption("--record"))
 

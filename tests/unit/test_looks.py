@@ -1,5 +1,5 @@
 """What pictures, films and figures show: words, marks, curves and colours, compared
-with recordings (see recorded.py).
+with recordings (see shown.py).
 
 Runs are formulae, letters have one width, and the graphics card is a sheet that notes
 what is drawn on it, so nothing else changes these texts.
@@ -17,7 +17,7 @@ from bodies import painter
 from matplotlib.backends import backend_agg
 from PIL import Image, ImageDraw
 from programs import packed
-from recorded import digest, number, numbers, of_figure, of_line
+from shown import digest, number, numbers, of_figure, of_line
 
 from taichi_disk import load_scene
 from taichi_disk.computation.driver import State
