@@ -24,7 +24,8 @@ STYLE = """
 canvas { display: block; width: 500px; height: 150px; }
 #disk { width: 640px; height: 480px; }
 dialog { position: fixed; inset: 50px; }
-.film #disks { height: 700px; }
+.film #disks { height: 400px; }
+.film #curves { width: 900px; }
 figure canvas { width: 400px; height: 350px; }
 .plot canvas { width: 500px; height: 150px; }
 """

@@ -32,13 +32,14 @@ step("from the start again", () => {
   pass(50);
 });
 step("a mark, which pauses", () => {
-  document.querySelectorAll("#line button")[1].click();
+  document.querySelector("#line button").click();
   pass(50);
 });
 step("dark, and another quantity", () => {
   choose("theme", "dark");
   choose("quantity", "strain");
-  moment(3.5);
+  moment(5);
+  note(`  ${document.documentElement.outerHTML.split(">", 1)}`);
 });
 step("fringes and points", () => {
   choose("quantity", "fringes");
@@ -62,8 +63,8 @@ step("zoomed and moved", () => {
   pointer(panes[0], "pointerdown", 50, 50);
   pointer(panes[0], "pointermove", 80, 45);
   pointer(panes[0], "pointerup", 80, 45);
-  stage.observers[1]();
 });
+step("in a window of another size", () => stage.observers[1]());
 step("seen as a whole", () => get("whole").click());
 step("one above the other", () => {
   media["(max-width: 599px) and (min-height: 701px)"].matches = true;

@@ -1,7 +1,7 @@
 // A stage for the modules of a page: time, frames, the socket and canvases are stand-ins, so that
 // what the page draws, shows and sends becomes lines of text on each machine and in each browser.
 
-const stage = { lines: [], drawn: [], everDrawn: new Set(), timers: [], frames: [], observers: [], sockets: [], clock: 0 };
+const stage = { lines: [], drawn: [], lastDrawn: [], everDrawn: new Set(), timers: [], frames: [], observers: [], sockets: [], clock: 0 };
 const note = (text) => stage.lines.push(text.replace(/\n/g, " ¶ "));
 const rounded = (value) => Number(value.toFixed(Math.abs(value) < 1 ? 4 : 2)) || 0;
 const plain = (_, value) => (typeof value === "number" ? rounded(value) : value);
@@ -200,7 +200,11 @@ function step(name, act) {
     note(line);
     everDrawn.add(line);
   }
-  if (drawn.length) note(`  ${drawn.length} strokes and texts`);
+  const same = drawn.filter((line) => stage.lastDrawn.includes(line)).length;
+  if (drawn.length) {
+    note(`  ${drawn.length} strokes and texts, ${same} as before`);
+    stage.lastDrawn = drawn;
+  }
   stage.drawn = [];
   const shown = described(stage.root);
   for (const line of shown) if (!stage.shown.includes(line)) note(line);
