@@ -424,7 +424,6 @@ class Sandbox:
             self.begin(scene)
         else:
             self.remaining_loads = []
-            self.release()
             self._settle()
             self._carry_on(with_key(self.scene, key, value), DISTURBED)
             self.message = ""
@@ -438,7 +437,6 @@ class Sandbox:
         if not self.time.segment.scenario.is_thrown:
             return
         if not self.at_start:
-            self.release()
             self._settle()
             scene: Any = self.scene
             v = self.time.segment.present.v

@@ -36,7 +36,7 @@ async function packFilm() {
     marks: [[2, "contact"], [3, "greatest compression"]],
     titles: ["normal velocity [initial]", "wall force [Mc²/R]", "energy [Mc²]"],
     times: [3, 5.1, 7.3, 12],
-    end: 9.8,
+    end: 10.9,
     unit: "R/c",
     curves: [0, 1].flatMap((run) => [
       curve(run, 0, "", [-1, -0.6, 0.1, 1.9 - 0.1 * run]),

@@ -365,10 +365,13 @@ def test_what_the_mouse_pulled_is_not_made_again_and_its_energy_no_imbalance(ker
     sandbox.pause()
     assert not sandbox.time.display.segment.label
     to_the_end(sandbox)
-    sandbox.pull(0.0, 9.0)  # time goes on, as for every change
-    assert not sandbox.paused
-    assert sandbox.advance(0.1) > 0
-    assert sandbox.status == "disturbed"
+    for change in (lambda: sandbox.set("material.eta_star", 0.2), sandbox.hit_again):
+        sandbox.pull(0.0, 9.0)  # time goes on, as for every change
+        assert not sandbox.paused
+        assert sandbox.advance(0.1) > 0
+        assert sandbox.status == "disturbed"
+        change()
+        assert not sandbox.grip
 
 
 def test_a_blow_up_is_told_and_any_change_gives_time_back(kernels):
