@@ -14,8 +14,8 @@ from scipy.spatial import cKDTree
 from taichi_disk import runtime
 from taichi_disk.engine import ti
 from taichi_disk.fields import QUANTITIES, Triangles, at_points
-from taichi_disk.lattice import Lattice, with_wall
-from taichi_disk.physics import ElasticWall, ExponentialWall, Springs
+from taichi_disk.lattice import Lattice
+from taichi_disk.physics import ExponentialWall, Springs
 from taichi_disk.render import film_problem
 from taichi_disk.render.geometry import Camera
 from taichi_disk.render.painter import Painter
@@ -124,29 +124,6 @@ def test_springs_are_seen_on_the_field_of_a_coarse_lattice_only(shoot):
         assert np.array_equal(field, both)
 
 
-def test_a_spring_has_the_colour_of_its_strain(shoot):
-    triangle = Lattice.from_points([(-0.9, 0.5), (0.9, 0.5), (0.0, 1.9)])
-    painter = Painter(triangle, Springs())
-    painter.colour = "strain"
-    painter.draw = "springs"
-    painter.limit = 0.02
-
-    def middle(x):
-        """Return the middle of the lowest spring."""
-        return x[np.argsort(x[:, 1])[:2]].mean(axis=0)
-
-    look = {"colour": "strain", "draw": "springs"}
-    for strain in (0.013, -0.008, 0.0, 0.05, -0.05):
-        x = triangle.positions * [1.0 + strain, 1.0]
-        drawn = pixel(shoot(triangle, x, **look), middle(x))
-        (colour,) = painter.colours(painter.normalised(np.array([strain])))
-        assert drawn == pytest.approx(colour, abs=2 / 255)
-        painter.magnify = 3.0  # changes the place, not the colours
-        picture = shoot(triangle, x, magnify=3.0, **look)
-        grown = pixel(picture, middle(painter.placed(x)))
-        assert grown == pytest.approx(drawn, abs=2 / 255)
-
-
 @pytest.mark.parametrize("a", [10.0, 300.0])
 @pytest.mark.parametrize("theme", THEMES)
 def test_the_wall_is_solid_up_to_where_the_disk_rests(shoot, theme, a):
@@ -164,17 +141,6 @@ def test_the_wall_is_solid_up_to_where_the_disk_rests(shoot, theme, a):
     gap = np.abs(picture[:, column] - ground(theme)).sum(axis=-1) < 0.01
     assert gap[:15].any()
     assert not gap[40:].any()
-
-
-def test_the_potential_of_the_elastic_wall_is_drawn_as_a_layer(shoot):
-    both = with_wall(Lattice.disk(200, 1), 220, 2.2, 0)
-    x = both.positions + [0.0, 0.9]
-    x[:200] += [0.0, 0.3]
-    picture = shoot(both, x, wall=ElasticWall(300.0, 150.0, 0.5), edge=0.05)
-    top = x[both.wall_surface][:, 1].mean()
-    body = np.array(THEMES["light"].wall)
-    assert pixel(picture, (-0.8, top + 0.025)) == pytest.approx(body, abs=0.01)
-    assert pixel(picture, (-0.8, top + 0.12)) == pytest.approx(ground(), abs=0.01)
 
 
 def test_springs_across_triangles_and_the_edge_of_a_core_are_drawn(shoot):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import base64
 from dataclasses import replace
+from itertools import product
 from types import SimpleNamespace
 
 import numpy as np
@@ -40,6 +41,7 @@ from taichi_disk.render.recording import Flight
 from taichi_disk.render.state_figure import draw_state
 from taichi_disk.render.words import Scales, Title, caption_lines, fitting_letters
 from taichi_disk.simulation.observables import COLUMNS
+from taichi_disk.web.drawing import scene_message
 from taichi_disk.web.film import write_page
 
 SMALL = ("lattice.points=40", "lattice.seed=3")
@@ -191,11 +193,11 @@ def of_picture(picture):
 FILMS = {
     "impact": (
         ["exponential_wall"],
-        {"size": 720, "seconds": 0.5},
+        {"size": 720, "seconds": 0.5, "magnify": 3},
     ),
     "comparison": (
         ["exponential_wall impact.angle=0.3", "exponential_wall impact.spin=0.1"],
-        {"size": 480, "seconds": 0.3, "theme": "dark", "colour": "pressure"}
+        {"size": 480, "seconds": 0.3, "theme": "dark", "colour": "strain"}
         | {"draw": "springs", "magnify": 2, "supersample": 1.5},
     ),
     "loading": (
@@ -383,35 +385,32 @@ def test_panels_beside_films(name, height, factor, theme, monkeypatch, record):
 
 
 V = np.geomspace(3e-3, 5e-2, 9)
-AXES = {
-    "restitution": ["eta_star", "seed", "velocity"],
-    "elastic_wall": ["eta_star", "seed", "velocity"],
-    "compression": ["seed", "pressure"],
-    "over_points": ["points", "seed"],
+THROWS = ["eta_star", "seed", "velocity"]
+SWEEPS = {  # scene, axes, values of eta*, number of lattices
+    "restitution": ("exponential_wall", THROWS, (0.0, 5.0, 30.0), 6),
+    "elastic_wall": ("absorbing_wall", THROWS, np.arange(8.0), 3),
+    "compression": ("compression", ["seed", "pressure"], (0.0,), 2),
+    "over_points": ("exponential_wall", ["points"], (0.0,), 1),
 }
 
 
-def rows_of(name):
-    """Rows of a sweep whose results are formulae."""
-    same = {"status": "done", "young": 1.1, "poisson": 0.3, "contact_time": 6.0}
+def rows_of(damping, lattices):
+    """Return rows of a sweep whose results are formulae."""
     rows = []
-    for seed in range(6):
-        for k, v in enumerate(V):
-            own = same | {"seed": seed, "velocity": v, "pressure": v}
-            own |= {"points": 100 * (k + 1), "restitution": 0.9 - 0.01 * k * k * v}
-            own["xi"] = v * (1.0 + 0.01 * seed - 0.3 * np.log(v))
-            own |= {"xi_nominal": 1.1 * own["xi"], "xi_extrapolated": 0.0}
-            for eta in (0.0, 30.0) if "eta_star" in AXES[name] else (0.0,):
-                e = own["restitution"] - (0.003 + 1e-3 * seed) * eta * np.sqrt(v)
-                rows.append(own | {"eta_star": eta, "restitution": e})
+    for seed, (k, v), eta in product(range(lattices), enumerate(V), damping):
+        e = 0.9 - 0.01 * k * k * v - (0.003 + 1e-3 * seed) * eta * np.sqrt(v)
+        xi = v * (1.0 + 0.01 * seed - 0.3 * np.log(v))
+        row = {"status": "done", "young": 1.1, "poisson": 0.3, "contact_time": 6.0}
+        row |= {"velocity": v, "pressure": v, "points": 100 * (k + 1), "seed": seed}
+        row |= {"eta_star": eta, "restitution": e, "xi": xi}
+        rows.append(row | {"xi_nominal": 1.1 * xi, "xi_extrapolated": 0.0})
     return rows
 
 
-@pytest.mark.parametrize("name", AXES)
+@pytest.mark.parametrize("name", SWEEPS)
 def test_figures_of_sweeps(name, record):
-    kinds = {"compression": "compression", "elastic_wall": "absorbing_wall"}
-    base = load_scene(kinds.get(name, "exponential_wall"))
-    diagram = analyse(base, AXES[name], rows_of(name))
+    kind, axes, *numbers_of_rows = SWEEPS[name]
+    diagram = analyse(load_scene(kind), axes, rows_of(*numbers_of_rows))
     notes = list(of_figure(figure_to_change(diagram)))
     summaries = [curve.summary() for curve in diagram.curves]
     notes += [*of_json(summaries), *map(str, curve_rows(summaries))]
@@ -465,6 +464,11 @@ def as_text(value, name):
 
 
 TYPES = {"centres": "<f4", "velocities": "<f4", "forces": "<f4"}
+
+
+def test_a_sandbox_begins_unmagnified():
+    scenario = load_scene("exponential_wall", SMALL).scenario()
+    assert scene_message(scenario)["options"]["magnify"] == 1.0
 
 
 @pytest.mark.parametrize("name", ["impact", "loading"])

@@ -1,5 +1,6 @@
 """A film has the length that was asked for, in every program that plays it."""
 
+import av
 import numpy as np
 import pytest
 from PIL import Image
@@ -61,3 +62,32 @@ def test_colours_that_appear_late_in_a_gif_are_in_its_palette(tmp_path):
             gif.seek(k)
             shown = np.asarray(gif.convert("RGB"))[16, 16].astype(int)
             assert np.abs(shown - picture[16, 16, :3]).max() <= 8
+
+
+def test_an_mp4_begins_with_its_index_and_has_key_pictures_and_the_colours_of_hd(
+    tmp_path,
+):
+    path = tmp_path / "film.mp4"
+    rows, columns = np.mgrid[:48, :64]
+    with video(path, ".mp4", (64, 48), 10, "a scene") as append:
+        for k in range(25):
+            grey = np.uint8(3 * rows + columns + 2 * k)
+            append(lambda grey=grey: np.stack([grey] * 4, axis=2))
+    data = path.read_bytes()
+    assert data.index(b"moov") < data.index(b"mdat")  # browsers play while they load
+    with av.open(str(path)) as film:
+        stream = film.streams.video[0]
+        pictures = list(film.decode(stream))
+        colours = stream.codec_context
+        tags = (colours.colorspace, colours.color_primaries, colours.color_trc)
+        assert tags == (1, 1, 1)  # BT.709 in H.273
+        assert colours.color_range == 1
+        assert film.metadata["comment"] == "a scene"
+        assert colours.has_b_frames is False
+    assert [one.time for one in pictures] == pytest.approx(np.arange(25) / 10.0)
+    # steps back are quick
+    assert [k for k, one in enumerate(pictures) if one.key_frame] == [0, 10, 20]
+    for k in (0, 24):
+        shown = pictures[k].to_ndarray(format="rgb24").astype(float)[8:40, 8:56]
+        wanted = np.float64(3 * rows + columns + 2 * k)[8:40, 8:56, None]
+        assert np.abs(shown - wanted).mean() < 4.0

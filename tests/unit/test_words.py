@@ -10,7 +10,6 @@ from PIL import Image, ImageDraw
 
 from taichi_disk.render.letters import LEAST, Letters, lacking
 from taichi_disk.render.moments import Caption
-from taichi_disk.render.pictures import Disk
 from taichi_disk.render.words import (
     Legend,
     Scales,
@@ -89,12 +88,6 @@ def test_letters_have_11_pixels_or_are_absent_and_none_overlap(size, factor, is_
     left = max(line.box[1] for line in block.lines)
     right = min(line.box[0] for line in caption_lines(letters, END, size))
     assert right - left > 0.4 * letters.text.size
-
-
-def filmed_disk():
-    title = Title("η* = 100", TITLE.parameters, enlarged=1.5)
-    made = painter()
-    return Disk(made, title, CAPTIONS, [made.lattice.positions])
 
 
 def test_letters_that_the_font_lacks_come_from_a_font_of_the_system(monkeypatch):
