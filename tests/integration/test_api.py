@@ -104,11 +104,12 @@ def test_the_time_series_is_a_table(result):
 
 
 def test_run_changes_keys_like_with_and_writes_nothing_unless_a_folder_is_named(
-    tmp_path, monkeypatch
+    result, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
     changed = run(SCENE, velocity=0.03, lattices=1)
     assert changed.scene == SCENE.with_(velocity=0.03)
+    assert all(seconds >= 0.0 for seconds in changed.summary["wall_clock"].values())
     assert list(tmp_path.iterdir()) == []
 
 
