@@ -2,6 +2,7 @@
 and by relaxation."""
 
 import re
+import signal
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Lattice, bulk_moduli
 from taichi_disk.physics import ExponentialWall, Load, Model, Springs
 from taichi_disk.scenes import load_scene
+from taichi_disk.signals import deferred_interrupts
 from taichi_disk.statics.equilibrium import (
     place_on_wall,
     resting_angle,
@@ -106,6 +108,20 @@ def test_an_equilibrium_that_is_not_found_is_an_error():
     message = r"could not lower the energy.*compression\.pressure"
     with pytest.raises(SimulationError, match=message):
         rest_of(Lattice.disk(8, 0), hard)
+
+
+def test_ctrl_c_ends_newtons_method_after_an_iteration(monkeypatch):
+    def iteration(*of_model):
+        iterations.append(of_model)
+        signal.raise_signal(signal.SIGINT)
+        return first(*of_model)
+
+    iterations = []
+    first = Model.stiffness
+    monkeypatch.setattr(Model, "stiffness", iteration)
+    with pytest.raises(KeyboardInterrupt), deferred_interrupts():
+        rest_of(Lattice.disk(60, 0), MODEL)
+    assert len(iterations) == 1
 
 
 def test_a_rigid_disk_lies_with_its_centre_of_mass_as_low_as_it_can():
