@@ -36,3 +36,14 @@ def test_the_rest_of_a_roll_is_extrapolated_from_the_whole_settling_time():
     assert found["xi_extrapolated"] == pytest.approx(
         abs(change) * ratio / (1.0 - ratio)
     )
+    # a roll that grows has no end to extrapolate to
+    grows = columns | {"angular_momentum": spin**-0.5}
+    assert scenario.result(grows)["xi_extrapolated"] == 0.0
+
+
+def test_times_of_a_soft_disk_grow_with_the_time_in_which_a_wave_crosses_it():
+    keys = {"lattice.points": 30, "compression.method": "relaxation"}
+    hard = load_scene("compression").with_(keys).scenario()
+    soft = load_scene("compression").with_(keys, material={"k_a": 1 / 16}).scenario()
+    for name in "max_time", "sample_interval", "quiet_time":
+        assert getattr(soft, name) == pytest.approx(4.0 * getattr(hard, name))
