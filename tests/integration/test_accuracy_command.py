@@ -54,11 +54,18 @@ def test_a_user_s_step_too_long_for_finer_lattices_still_gives_a_report(
     assert {row["integrator"] for row in rows} == {"velocity_verlet", "trapezoidal"}
 
 
-def test_a_user_s_step_beyond_the_limit_is_refused_before_anything_is_measured(
-    tmp_path, capsys
+@pytest.mark.parametrize(
+    ("setting", "reason"),
+    [
+        ("time.dt=0.5", "beyond the stability limit"),
+        ("wall.friction=0.1", "wall.friction: must be 0"),
+    ],
+)
+def test_what_cannot_be_measured_is_refused_before_anything_is(
+    setting, reason, tmp_path, capsys
 ):
-    assert accuracy(tmp_path / "out", "exponential_wall", "time.dt=0.5") == 2
-    assert "beyond the stability limit" in capsys.readouterr().err
+    assert accuracy(tmp_path / "out", "exponential_wall", setting) == 2
+    assert reason in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 

@@ -165,17 +165,17 @@ def test_custom_velocities_are_thrown_and_saved_and_make_another_run(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "velocities",
+    ("velocities", "message"),
     [
-        "fast",
-        np.zeros((59, 2)),
-        np.tile([np.nan, 0.0], (60, 1)),
-        np.tile([0.0, 0.01], (60, 1)),
-        np.tile([0.0, -1e200], (60, 1)),
+        ("fast", "array of real numbers"),
+        (np.zeros((59, 2)), r"shape \(60, 2\), not \(59, 2\)"),
+        (np.tile([np.nan, 0.0], (60, 1)), "numbers from -100 to 100 c"),
+        (np.tile([0.0, 0.01], (60, 1)), r"must point down, .* not \+0\.01 c"),
+        (np.tile([0.0, -100.1], (60, 1)), "numbers from -100 to 100 c"),
     ],
 )
-def test_velocities_that_do_not_fit_are_refused(velocities):
-    with pytest.raises(InputError, match="velocities"):
+def test_velocities_that_do_not_fit_are_refused(velocities, message):
+    with pytest.raises(InputError, match=f"velocities.* {message}"):
         alone(SCENE, velocities=velocities)
 
 
@@ -235,6 +235,8 @@ def test_what_cannot_be_computed_as_given_is_refused(result, tmp_path):
     for compare in (3, [3], "result"):
         with pytest.raises(InputError, match="compare: must be a result of run"):
             result.film(never, compare=compare)
+    with pytest.raises(InputError, match="5 runs side by side: compare 4 at most"):
+        result.film(never, compare=[result] * 4)
     assert list(tmp_path.iterdir()) == []
 
 

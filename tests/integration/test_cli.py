@@ -113,6 +113,8 @@ def test_messages_of_the_command_line_name_options(tmp_path, capsys):
     assert status == 2
     again = "another run (--overwrite replaces it); choose another folder with --out\n"
     assert again in capsys.readouterr().err
+    assert main(["view", str(tmp_path), "--set", "wall.a=30"]) == 2
+    assert "--set cannot change the scenes of a folder" in capsys.readouterr().err
 
 
 def test_numbers_are_printed_although_the_run_cannot_be_moved(
