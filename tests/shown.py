@@ -1,12 +1,14 @@
 """What pictures show, as text that is compared with a recording in tests/looks.
 
-`pytest --record tests/unit/test_looks.py` writes the recordings anew; then read the
-differences (`git diff tests/looks`), and look at the pictures.
+`pytest --record tests/unit/test_looks.py tests/integration/test_pages_on_stage.py`
+writes the recordings anew; then read the differences (`git diff tests/looks`), and look
+at the pictures.
 """
 
 from __future__ import annotations
 
 import re
+from difflib import unified_diff
 from itertools import groupby
 from pathlib import Path
 
@@ -30,7 +32,7 @@ def differences(found, known):
     """
     lines = [found.splitlines(), known.splitlines()]
     if len(lines[0]) != len(lines[1]):
-        return [f"{len(lines[0])} lines instead of {len(lines[1])}"]
+        return [*unified_diff(*reversed(lines), "known", "found", n=0, lineterm="")]
     return [
         f"{new}\ninstead of\n{old}"
         for new, old in zip(*lines, strict=True)

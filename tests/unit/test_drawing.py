@@ -144,51 +144,6 @@ def test_the_fit_of_eq_5_is_that_of_sweeps(tmp_path):
     assert rms == pytest.approx(np.sqrt(np.mean(known.residuals**2)), rel=1e-3)
 
 
-RECORDER = """
-const calls = [];
-const ctx = { calls };
-for (const name of ["beginPath", "lineTo", "setLineDash", "stroke", "fill"])
-  ctx[name] = (...values) => calls.push([name, ...values]);
-"""
-
-
-def test_an_arrow_has_its_tip_and_one_too_short_to_be_seen_is_left_away(tmp_path):
-    code = """
-const drawn = [9.9, 10.1].map((length) => {
-  calls.length = 0;
-  arrow(ctx, [5, 5], [5 + length, 5], 3, "black", "white");
-  return calls.filter(([name]) => name === "lineTo").map(([, x, y]) => [x, y]);
-});
-console.log(JSON.stringify(drawn));"""
-    short, long = run_in_node(RECORDER + code, tmp_path)
-    assert short == []
-    assert [5, 5] in long
-    assert max(x for x, _ in long) == pytest.approx(15.1)
-    heads = [y for x, y in long if y != 5]
-    assert max(heads) + min(heads) == pytest.approx(10.0)  # symmetric
-
-
-def test_the_arrow_of_a_velocity_points_along_it_from_the_centre(tmp_path):
-    code = """
-let found;
-const drawing = {
-  context: { strokeText() {}, fillText() {} }, options: { canAim: true, letters: 1 },
-  drawArrow: (...ends) => { found = ends.slice(0, 2); }, toScreen: () => [0, 0] };
-Drawing.prototype.drawVelocity.call(drawing, [1, 2], [0.03, -0.04], {});
-console.log(JSON.stringify([...found, arrowLength(0.05)]));"""
-    start, tip, length = run_in_node(code, tmp_path)
-    assert start == [1, 2]
-    assert tip == pytest.approx([1 + 0.6 * length, 2 - 0.8 * length])
-
-
-def test_below_a_wide_disk_colours_and_arrows_stand_side_by_side(tmp_path):
-    sizes = json.dumps([[1200, 800], [720, 800], [719, 800], [719, 399]])
-    code = f"console.log(JSON.stringify({sizes}.map((size) => footer(...size))));"
-    wide, least, narrow, low = run_in_node(code, tmp_path)
-    assert wide == least < narrow
-    assert low < narrow
-
-
 def test_a_drag_moves_the_picture_with_the_finger_and_a_pinch_keeps_its_place(tmp_path):
     code = """
 const drawing = new Drawing({ getContext: () => ({}) });
@@ -220,59 +175,6 @@ def test_a_typed_number_counts_as_a_whole_or_is_refused(tmp_path):
     code = f"const texts = {json.dumps([*READ])};"
     code += "console.log(JSON.stringify(texts.map(readNumber)));"  # NaN is null
     assert dict(zip(READ, run_in_node(code, tmp_path), strict=True)) == READ
-
-
-PLOT = """
-document.createElementNS = () => ({ setAttribute() {}, append() {} });
-document.createElement = (tag) => ({ tag, append(...parts) { this.parts = parts; } });
-const plot = { style: { setProperty() {} }, replaceChildren(...parts) {
-  this.parts = parts; } };
-const caption = { ...plot, append(part) { this.parts.push(part); } };
-const base = { result: "e", wall: "rigid", a: 300, points: 1099, angle: 0, spin: 0,
-  friction: 0, seed: 0 };
-const rows = [[10, 0.05, 0.94], [10, 0.1, 0.93], [100, 0.1, 0.66]].map(
-  ([eta_star, load, value]) => ({ ...base, eta_star, load, value }));
-"""
-
-
-def test_results_of_other_parameters_are_another_curve_and_none_is_no_diagram(tmp_path):
-    code = """
-const sets = inSets(rows).map(({ label, rows }) => [label, rows.length]);
-const options = { title: "e", range: [0.001, 0.1], fitted: false };
-showDiagram(plot, caption, rows, options);
-const marks = plot.parts.filter(({ tag }) => tag === "b").length;
-showDiagram(plot, caption, [], options);
-console.log(JSON.stringify([sets, marks, plot.parts.length, caption.parts]));"""
-    sets, marks, left, caption = run_in_node(PLOT + code, tmp_path)
-    assert sets == [["η* = 10", 2], ["η* = 100", 1]]
-    assert (marks, left, caption) == (3, 0, ["e"])
-
-
-def test_a_result_beyond_the_axes_is_an_arrow_that_points_to_it(tmp_path):
-    code = """
-const places = [[0.2, 0.9], [0.0005, 0.9], [0.05, -0.5], [0.05, 0.9]];
-const far = places.map(([load, value]) => ({ ...rows[0], load, value }));
-showDiagram(plot, caption, far, { title: "e", range: [0.001, 0.1], fitted: false });
-const marks = plot.parts.filter(({ tag }) => tag === "u" || tag === "b");
-console.log(JSON.stringify(marks.map(({ parts }) => parts)));"""
-    assert run_in_node(PLOT + code, tmp_path) == [["▸"], ["◂"], ["▾"], []]
-
-
-def test_a_table_shows_numbers_rounded_texts_as_they_are_and_gaps(tmp_path):
-    code = """
-document.createElement = (tag) => ({ tag, dataset: {}, append(...parts) {
-  this.parts = parts; } });
-const made = { replaceChildren(...parts) { this.parts = parts; } };
-const disturbed = { ...rows[0], value: 0.94321, disturbance: "pulled" };
-showResults(made, [disturbed, rows[1]], false);
-const lines = [...made.parts[1].parts].map(({ parts }) => parts);
-console.log(JSON.stringify(lines.map((cells) => cells.map(({ parts }) => parts[0]))));
-"""
-    plain, pulled = run_in_node(PLOT + code, tmp_path)
-    assert "0.943" in pulled
-    assert "pulled" in pulled
-    assert "rigid" in pulled
-    assert "" in plain
 
 
 CURVES = """
@@ -323,23 +225,3 @@ console.log(JSON.stringify(seen));"""
     assert 0.087 < fast[1] < 0.12
     assert 6.4 < slow[0] < 10.0
     assert 0.0148 < slow[1] < 0.03
-
-
-def test_a_curve_rises_from_the_low_to_the_high_end_of_its_scale(tmp_path):
-    code = """
-globalThis.devicePixelRatio = 1;
-const measureText = () => ({ width: 20 });
-Object.assign(ctx, { scale() {}, strokeText() {}, fillText() {}, measureText });
-const sheet = { clientWidth: 200, clientHeight: 100, parentNode: plot };
-sheet.getContext = () => ctx;
-const values = [[0, 0.5, 1], [0, 0, 0], [0, 0, 0]];
-graphs.replace({ t: [0, 1, 4], values, motion: ["v", "c"] }, curves);
-graphs.end = 5;
-const shown = [{ curves: graphs.curves.slice(0, 1), before: [], low: -1, high: 1 }];
-graphs.drawGraph(sheet, shown, { t: 4, theme: {}, name: "light" });
-const at = calls.filter(([name]) => name === "lineTo").map(([, x, y]) => [x, y]);
-console.log(JSON.stringify(at));"""
-    curve = [[0, 50], [22, 25], [88, 0]]  # 90 px are left for names
-    now = [[88, 0], [88, 100]]
-    found = run_in_node(PLOT + CURVES + RECORDER + code, tmp_path)
-    assert found == pytest.approx(np.array(curve + now))

@@ -370,7 +370,7 @@ function record() {
     stage.sockets.at(-1).onclose({ reason: "all disks are in use" });
   });
   step("and again", () => wait(6000));
-  note(`round numbers: ${[0.3 - 0.1, 0.1 + 0.2].map((value) => [roundBelow(value), roundAbove(value)])}`);
+  note(`round numbers: ${[0.3 - 0.1, 0.1 + 0.2].map((value) => [roundBelow(value), rounded(roundAbove(value))])}`);
   note(`another page of the tab is ${new Sandbox(stage.root, () => {}).theme}`);
 }
 

@@ -1,0 +1,70 @@
+"""Pages on the stage of tests/stage/stage.js, which has no fonts, no time, no network
+and no graphics: what they draw, show and send is the same on every machine."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from pathlib import Path
+
+from taichi_disk.web.drawing import DRAWING, SANDBOX, bundle, source
+from tests.browser import Browser
+
+FOLDER = Path(__file__).with_name("stage")
+# sizes that do not depend on fonts
+STYLE = """
+.sandbox { width: 1000px; height: 700px; }
+canvas { display: block; width: 500px; height: 150px; }
+#disk { width: 640px; height: 480px; }
+dialog { position: fixed; inset: 50px; }
+.film #disks { height: 400px; }
+.film #curves { width: 900px; }
+figure canvas { width: 400px; height: 350px; }
+.plot canvas { width: 500px; height: 150px; }
+"""
+
+
+def sandbox() -> str:
+    """Return the sandbox's page, to which sandbox.js plays the program and the user."""
+    main = part("index.html", "<main.*</main>")
+    return staged(main, f"{bundle(*SANDBOX, 'page.js')} {{ {acts('sandbox.js')} }}")
+
+
+def film() -> str:
+    """Return a film of film.js, and what a user does with it."""
+    main = part("film.html", r"<main.*(?=<script type=.module)")
+    modules = bundle(*DRAWING, "controls.js", "film.js")
+    end = acts("film_acts.js")
+    return staged(main, f"{acts('film.js')} await packFilm(); {modules} {{ {end} }}")
+
+
+def part(name: str, pattern: str) -> str:
+    (found,) = re.findall(pattern, source(name), re.DOTALL)
+    return str(found)
+
+
+def acts(name: str) -> str:
+    return (FOLDER / name).read_text(encoding="utf-8")
+
+
+def staged(main: str, module: str) -> str:
+    """Return a page with a stage, on which a module runs."""
+    return (
+        f"<!doctype html><meta charset=utf-8><style>{STYLE}</style>{main}"
+        f"<script>{acts('stage.js')} {acts('disk.js')}</script>"
+        f"<script type=module>{module}</script>"
+    )
+
+
+def played(browser: Browser, page: str) -> list[str]:
+    """Return the lines that a page notes."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "page.html")
+        path.write_text(page, encoding="utf-8")
+        browser.driver.get(path.as_uri())
+        text = browser.wait(lambda: browser.script("return window.recorded"))
+    assert not browser.errors()
+    return str(text).splitlines()
+
+
+PAGES = {"page_of_the_sandbox": sandbox, "page_of_a_film": film}
