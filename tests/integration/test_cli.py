@@ -176,18 +176,20 @@ def test_a_scene_that_does_not_end_is_a_failure_with_advice(
     assert advice in summary["reason"]
 
 
+NO_MEMORY = (
+    "error: not enough memory; take fewer points (lattice.points), or stop other"
+    " programs\n"
+)
+
+
 @pytest.mark.parametrize(
     ("failure", "status", "message"),
     [
         (InputError("no such step"), 2, "error: no such step\n"),
         (SimulationError("blown up"), 1, "error: blown up\n"),
         (KeyboardInterrupt(), 130, "interrupted\n"),
-        (
-            MemoryError(),
-            1,
-            "error: not enough memory; take fewer points (lattice.points), or stop"
-            " other programs\n",
-        ),
+        (MemoryError(), 1, NO_MEMORY),
+        (RuntimeError("Cannot allocate memory"), 1, NO_MEMORY),  # of Taichi
         (OSError(28, "No space left"), 1, "error: No space left\n"),
     ],
 )
