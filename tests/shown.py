@@ -21,6 +21,7 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
 LOOKS = Path(__file__).with_name("looks")
+DIGITS = str.maketrans("123456789", "000000000")
 NUMBER = re.compile(r"-?\d+\.?\d*(?:e[-+]\d+)?")
 
 
@@ -41,10 +42,15 @@ def differences(found, known):
 
 
 def _is_close(new, old):
-    if NUMBER.sub("#", new) != NUMBER.sub("#", old):
+    if NUMBER.sub(_form, new) != NUMBER.sub(_form, old):
         return False
     pairs = zip(NUMBER.findall(new), NUMBER.findall(old), strict=True)
     return all(abs(float(a) - float(b)) <= _allowed(b) for a, b in pairs)
+
+
+def _form(number):
+    """Return how a number is written, without its digits."""
+    return re.sub(r"-?\d+(?=\.|$|e)|(?<=e).*", "#", number[0]).translate(DIGITS)
 
 
 def _allowed(text):
@@ -119,8 +125,12 @@ def of_figure(figure):
 
 
 def points(figure, pixels):
-    """Return places on a figure [pt] that may differ by two."""
-    return " ".join(f"{one * 72.0 / figure.dpi:.0f}." for one in np.ravel(pixels))
+    """Return places on a figure [pt] that may differ by two, or, if letters decide the
+    layout, by twelve."""
+    unit = 72.0 / figure.dpi
+    if figure.figure.get_layout_engine():
+        unit /= 6.0
+    return " ".join(f"{unit * one:.0f}." for one in np.ravel(pixels))
 
 
 def _of_axes(ax: Axes):
@@ -128,8 +138,15 @@ def _of_axes(ax: Axes):
     box = points(figure, ax.get_window_extent().extents)
     yield f"axes {box} {to_hex(ax.get_facecolor())}"
     for name, axis in (("x", ax.xaxis), ("y", ax.yaxis)):
-        ticks = [one.get_text() for one in axis.get_ticklabels() if one.get_visible()]
-        bounds = numbers(axis.get_view_interval())
+        low, high = sorted(axis.get_view_interval())
+        shown = [one for one in axis.get_ticklabels() if one.get_visible()]
+        places = axis.get_majorticklocs()
+        ticks = [
+            one.get_text()
+            for one, place in zip(shown, places, strict=False)
+            if low <= place <= high and "$" not in one.get_text()
+        ]
+        bounds = numbers([low, high])
         yield f"  {name} {axis.get_scale()} {bounds} ticks {ticks}"
         if axis.label.get_text():
             yield "  " + _of_text(f"{name} label", axis.label)

@@ -30,7 +30,7 @@ from taichi_disk.lattice import OwnStart
 from taichi_disk.output.panel import PanelPictures, draw_panel
 from taichi_disk.output.plot import plot_scene, run_figure
 from taichi_disk.progress import silent
-from taichi_disk.render import film, pictures
+from taichi_disk.render import film, pictures, words
 from taichi_disk.render import painter as painting
 from taichi_disk.render.geometry import Camera
 from taichi_disk.render.letters import Face, Letters, Line
@@ -180,6 +180,7 @@ class Sheet:
 
 def of_picture(picture):
     """Return mean colours of a picture's tiles, eight across."""
+    yield f"  {digest(picture)}"
     height, width, _ = picture.shape
     size = -(-width // 8)
     for top in range(0, height, size):
@@ -219,8 +220,8 @@ def test_a_film(name, tmp_path, monkeypatch, record):
     texts = []  # of another thread
     panels = []
     runs = []
-    for words in scenes:
-        kind, *settings = words.split()
+    for each in scenes:
+        kind, *settings = each.split()
         common = SMALL if kind == "compression" else THROW
         runs.append(invented(kind, *common, *settings))
 
@@ -234,7 +235,12 @@ def test_a_film(name, tmp_path, monkeypatch, record):
     def letters(line, draw, left, top):
         texts.append(f"{of_line(line)} from {numbers([left, top])}")
 
+    def stamp(image, mark, ground):
+        texts.append(f"mark {mark.ink} {number(mark.rim)} {digest(mark.corners)}")
+
     monkeypatch.setattr(Line, "draw", letters)
+    monkeypatch.setattr(pictures, "stamp", stamp)
+    monkeypatch.setattr(words, "stamp", stamp)
     monkeypatch.setattr(painting, "get_field_info", lambda array: array)
     monkeypatch.setattr(film, "require_film", lambda: None)
     monkeypatch.setattr(pictures, "open_window", lambda size: Sheet(size, notes))
@@ -331,7 +337,8 @@ def test_words_of_pictures(size, factor, colour, record):
 
 def test_marks_above_the_disk(record):
     drawer = painter(theme="dark", full_speed=0.1, spoke=5, edge=0.02, full_force=0.02)
-    x = drawer.lattice.positions * [1.1, 0.9]
+    x = drawer.lattice.positions * [1.1, 0.9] + [0.0, -0.08]
+    x = np.maximum(x, [-9.0, 0.05])  # flat below
     camera = Camera.fit((-1.3, 1.2, -0.1, 2.3), 400, 360, (0.0, 400.0, 10.0, 350.0))
     notes = []
     for unit, speed in ((0.5, -0.05), (2.0, 0.1), (1.0, 1e-4)):
