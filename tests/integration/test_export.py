@@ -202,6 +202,12 @@ def test_xyz_is_lines_that_can_be_read_without_a_library(tmp_path):
     assert lines[0] == str(n)
     species = [line.split()[0] for line in lines[2 : n + 2]]
     assert species == ["X"] * 40 + ["Si"] * (n - 40)
+    side = 2.0 * np.abs(state(0.0)[0]).max()
+    box = f'Lattice="{side:.12g} 0 0 0 {side:.12g} 0 0 0 1" '
+    corner = f"{-side / 2.0:.12g}"
+    assert lines[1].startswith(f'{box}Origin="{corner} {corner} -0.5" Program=')
+    assert lines[1].endswith(' pbc="F F F"')
+    assert " Time=1 kinetic_energy=" in lines[-n - 1]
     header = lines[1].partition("Properties=")[2].split()[0].split(":")
     assert header[:6] == ["species", "S", "1", "pos", "R", "3"]
     names = header[3::3]

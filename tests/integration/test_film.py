@@ -265,25 +265,6 @@ def test_the_disk_in_the_film_moves_as_its_centre_of_mass_does(run, tmp_path):
     assert abs(middles[0] - middles[-1]) < 0.95
 
 
-@needs_vulkan
-def test_a_disk_that_flies_aside_stays_whole_in_the_film_and_the_wall_spans_it(
-    tmp_path,
-):
-    settings = ["lattice.points=60", "material.eta_star=0", "impact.gap=0.13"]
-    aside = np.tile([0.2, -0.05], (60, 1))
-    result = computed("exponential_wall", *settings, velocities=aside)
-    size = 200  # without words
-    result.film(tmp_path / "film", size=size, seconds=0.3, draw="points")
-    last = pictures_in(tmp_path / "film")[-1]
-    ink = has_ink(last, ground_of("light"))
-    wall = np.flatnonzero(ink.all(axis=1))
-    assert len(wall) > 5
-    assert np.ptp(last[wall], axis=1).max() <= 1
-    rows, columns = np.nonzero(ink[: wall[0] - 4])
-    assert np.ptp(columns) == pytest.approx(np.ptp(rows), abs=4)
-    assert columns.max() > 0.8 * size
-
-
 def test_the_film_holds_at_the_greatest_compression_and_ends_with_the_result(
     run, tmp_path
 ):

@@ -4,12 +4,10 @@ colour given by the map."""
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from bodies import shaken, to_pixels
-from scipy.spatial import cKDTree
 
 from taichi_disk import runtime
 from taichi_disk.engine import ti
@@ -105,25 +103,6 @@ def test_a_disk_of_any_number_of_points_is_seen_whole(shoot, points, draw):
     assert (drawn[1] < there.max(axis=0) + 4).all()
 
 
-def test_springs_are_seen_on_the_field_of_a_coarse_lattice_only(shoot):
-    x = DISK.positions + [0.0, 1.1]
-    fine = Lattice.disk(9000, 0)
-    plain = shoot(DISK, x)
-    sprung = shoot(DISK, x, draw="both")
-    i, j = DISK.bonds[::5].T
-    middles = 0.5 * (x[i] + x[j])
-    darker = [(pixel(plain, at) - pixel(sprung, at)).mean() for at in middles]
-    assert (np.array(darker) > 0.02).mean() > 0.7
-    for lattice, y, look in (
-        (fine, fine.positions + [0.0, 1.1], {}),
-        (DISK, x, {"colour": "fringes"}),
-    ):
-        field, both = (
-            shoot(lattice, y, draw=draw, **look) for draw in ("field", "both")
-        )
-        assert np.array_equal(field, both)
-
-
 @pytest.mark.parametrize("a", [10.0, 300.0])
 @pytest.mark.parametrize("theme", THEMES)
 def test_the_wall_is_solid_up_to_where_the_disk_rests(shoot, theme, a):
@@ -141,34 +120,6 @@ def test_the_wall_is_solid_up_to_where_the_disk_rests(shoot, theme, a):
     gap = np.abs(picture[:, column] - ground(theme)).sum(axis=-1) < 0.01
     assert gap[:15].any()
     assert not gap[40:].any()
-
-
-def test_springs_across_triangles_and_the_edge_of_a_core_are_drawn(shoot):
-    line = np.arange(-4.0, 5.0) / 4.0
-    grid = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
-    near = cKDTree(grid).query_pairs(0.36, output_type="ndarray")
-    squares = np.arange(81).reshape(9, 9)[:-1, :-1].reshape(-1, 1)
-    halves = np.concatenate([squares + [0, 1, 10], squares + [0, 10, 9]])
-    crossed = Lattice.from_points(grid, near, triangles=halves)
-    x = crossed.positions + [0.0, 1.1]
-    triangles = Triangles(crossed)
-    field, both = (shoot(crossed, x, draw=draw) for draw in ("field", "both"))
-    assert len(triangles.crossing) == 64  # the other diagonal of each square
-    darker = (field - both).sum(axis=-1) > 0.02
-    for a, b in x[triangles.crossing]:
-        part = a + 0.3 * (b - a)
-        column, row = to_pixels(CAMERA, part).astype(int)
-        assert darker[row - 1 : row + 2, column - 1 : column + 2].any()
-    core = Lattice.disk(400, 0, core_radius=0.5, core_stiffness=2.0)
-    x = core.positions + [0.0, 1.1]
-    ink = shoot(core, x).sum(axis=-1) < 1.5
-    turns = np.linspace(0.0, 6.2, 40)
-    edge = 0.499 * np.stack([np.cos(turns), np.sin(turns)], axis=1) + [0.0, 1.1]
-    columns, rows = to_pixels(CAMERA, edge).astype(int).T
-    for column, row in zip(columns, rows, strict=True):
-        assert ink[row - 1 : row + 2, column - 1 : column + 2].any()
-    plain = shoot(replace(core, stiffness=None), x).sum(axis=-1) < 1.5
-    assert not plain[rows, columns].any()
 
 
 def test_a_picture_does_not_depend_on_those_before_it(shoot):

@@ -293,19 +293,6 @@ def test_first_and_last_row_are_the_states_in_the_npz_files(runs, kind):
     assert after / before == pytest.approx(summary["restitution"], rel=1e-12)
 
 
-def test_the_wall_s_force_is_the_change_of_momentum(runs):
-    # d(com_vy)/dt = wall force (M = 1), by central differences between rows.
-    table = runs["exponential_wall"].table
-    t = table["t"]
-    v = table["com_vy"]
-    slope = (v[2:] - v[:-2]) / (t[2:] - t[:-2])
-    peak = table["wall_force"].max()
-    assert peak > 1e-3
-    np.testing.assert_allclose(
-        slope, table["wall_force"][1:-1], rtol=0, atol=0.02 * peak
-    )
-
-
 def test_lattice_npz_alone_repeats_the_run(runs):
     # An independent program uses only the file and the scene's parameters; the boundary
     # is matched.

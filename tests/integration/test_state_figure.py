@@ -93,19 +93,6 @@ def test_letters_beside_dark_axes_have_the_axes_colour(result):
     assert {to_rgb(one.get_color()) for one in letters} == {(1.0, 1.0, 1.0)}
 
 
-@pytest.mark.parametrize(
-    "form", ["pdf", pytest.param("ps", marks=pytest.mark.validate)]
-)
-def test_the_fonts_of_a_file_are_those_that_publishers_take(result, tmp_path, form):
-    for name, figure in (("state", result.draw()), ("plot", result.plot())):
-        path = tmp_path / f"{name}.{form}"
-        figure.savefig(path)
-        content = path.read_bytes()
-        # type 3 draws letters as paths
-        assert b"/Type3" not in content
-        assert b"/FontType 3" not in content
-
-
 # the widest numbers beside the bar; the others with --validate
 WIDE = ("kinetic",)
 

@@ -23,17 +23,6 @@ def test_the_camera_shows_the_view_in_the_viewport_with_equal_scales():
     assert sides == pytest.approx([camera.scale] * 2)
 
 
-def test_a_cropped_camera_magnifies_its_part_and_has_an_inverse():
-    whole = Camera.fit((-1.1, 1.1, -0.1, 2.1), 640, 480, (0.0, 640.0, 0.0, 480.0))
-    part = whole.cropped(slice(40, 440), slice(100, 500), 1.5)
-    points = np.random.default_rng(0).random((20, 2))
-    assert part.to_pixels(points) == pytest.approx(
-        1.5 * (whole.to_pixels(points) - [100.0, 40.0])
-    )
-    assert part.to_pixels(points) == pytest.approx(to_pixels(part, points))
-    assert part.to_scene(part.to_pixels(points)) == pytest.approx(points, abs=1e-12)
-
-
 def test_the_edge_is_drawn_where_the_wall_pushes_with_a_force_or_at_its_surface():
     # f = a V0 exp(-a y), so y = ln(a V0/f)/a
     wall = ExponentialWall(300.0, 150.0)

@@ -18,6 +18,7 @@ from bodies import painter
 from matplotlib.backends import backend_agg
 from PIL import Image, ImageDraw
 from programs import packed
+from scipy.spatial import cKDTree
 from shown import digest, number, numbers, of_figure, of_line
 
 from taichi_disk import load_scene
@@ -26,14 +27,15 @@ from taichi_disk.computation.outcome import Outcome
 from taichi_disk.figures.curves import analyse
 from taichi_disk.figures.drawing import figure_to_change
 from taichi_disk.figures.texts import curve_rows
-from taichi_disk.lattice import OwnStart
+from taichi_disk.lattice import Lattice, OwnStart
 from taichi_disk.output.panel import PanelPictures, draw_panel
 from taichi_disk.output.plot import plot_scene, run_figure
+from taichi_disk.physics import Springs
 from taichi_disk.progress import silent
 from taichi_disk.render import film, pictures, words
 from taichi_disk.render import painter as painting
 from taichi_disk.render.geometry import Camera
-from taichi_disk.render.letters import Face, Letters, Line
+from taichi_disk.render.letters import LEAST, Face, Letters
 from taichi_disk.render.moments import Caption, Span
 from taichi_disk.render.panel import panel_scene
 from taichi_disk.render.pictures import Disk, arranged
@@ -232,13 +234,15 @@ def test_a_film(name, tmp_path, monkeypatch, record):
         boxes = [(60, width - 20, 40, 100), (60, width - 20, 140, 200)]
         return lambda: PanelPictures(coming, coming // 2, boxes)
 
-    def letters(line, draw, left, top):
-        texts.append(f"{of_line(line)} from {numbers([left, top])}")
+    def letters(place, text, fill, font, anchor):
+        face = f"{number(font.size)} {font.getname()} {fill}"
+        texts.append(f"{text!r} at {numbers(place)} {anchor} {face}")
 
     def stamp(image, mark, ground):
         texts.append(f"mark {mark.ink} {number(mark.rim)} {digest(mark.corners)}")
 
-    monkeypatch.setattr(Line, "draw", letters)
+    pen = SimpleNamespace(Draw=lambda image: SimpleNamespace(text=letters))
+    monkeypatch.setattr(pictures, "ImageDraw", pen)
     monkeypatch.setattr(pictures, "stamp", stamp)
     monkeypatch.setattr(words, "stamp", stamp)
     monkeypatch.setattr(painting, "get_field_info", lambda array: array)
@@ -300,6 +304,20 @@ CAPTIONS = [
 ]
 
 
+def clashes(lines, width):
+    """Return lines that are too small, or not in the picture, or touch another."""
+    found = []
+    for k, line in enumerate(lines):
+        left, right, top, bottom = line.box
+        if line.face.size < LEAST or left < 0.0 or right > width:
+            found.append(line)
+        for first, last, high, low in (other.box for other in lines[k + 1 :]):
+            apart = max(first - right, left - last, high - bottom + 3, top - low + 3)
+            if apart < 0.0:
+                found.append(line)
+    return found
+
+
 @pytest.mark.parametrize(
     ("size", "factor", "colour"),
     [
@@ -327,7 +345,10 @@ def test_words_of_pictures(size, factor, colour, record):
     notes += [f"footer {letters.footer}", *map(of_line, scales.lines)]
     notes += map(of_line, scales.pace_lines(pace))
     for caption in CAPTIONS:
-        notes += map(of_line, caption_lines(letters, caption, size))
+        changing = caption_lines(letters, caption, size)
+        notes += map(of_line, changing)
+        assert not clashes([*legends[0].lines, *changing], size)
+    assert not clashes([*scales.lines, *scales.pace_lines(pace)], 2 * size)
     below = np.zeros((letters.footer + 2, 2 * size, 4), np.uint8)
     picture = Image.fromarray(below)
     scales.draw(below, picture, ImageDraw.Draw(picture))
@@ -346,6 +367,38 @@ def test_marks_above_the_disk(record):
         for mark in drawer.marks(camera, x, v, drawer.placed(x), unit):
             notes.append(f"{mark.ink} rim {number(mark.rim)} {digest(mark.corners)}")
     record("marks", notes)
+
+
+def crossed():
+    """Return squares of points with both diagonals, of which one is in no triangle."""
+    line = np.arange(-4.0, 5.0) / 4.0
+    grid = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    near = cKDTree(grid).query_pairs(0.36, output_type="ndarray")
+    squares = np.arange(81).reshape(9, 9)[:-1, :-1].reshape(-1, 1)
+    halves = np.concatenate([squares + [0, 1, 10], squares + [0, 10, 9]])
+    return Lattice.from_points(grid, near, triangles=halves)
+
+
+BODIES = {
+    "crossed": crossed,
+    "core": lambda: Lattice.disk(200, 0, core_radius=0.5, core_stiffness=2.0),
+    "fine": lambda: Lattice.disk(3000, 0),
+}
+
+
+@pytest.mark.parametrize("body", BODIES)
+def test_springs_on_fields(body, monkeypatch, record):
+    monkeypatch.setattr(painting, "get_field_info", lambda array: array)
+    lattice = BODIES[body]()
+    camera = Camera.fit((-1.1, 1.1, -1.1, 1.1), 360, 360, (0.0, 360.0, 0.0, 360.0))
+    notes = []
+    x = 1.01 * lattice.positions
+    for draw in ("both", "field", "springs", "points"):
+        for is_soft in (True, False)[: 1 + (draw == "both")]:
+            drawer = painting.Painter(lattice, Springs(), draw=draw, limit=0.02)
+            sheet = Sheet((360, 360), notes)
+            drawer.paint(sheet, camera, x, 0.0 * x, x, 0.5, is_soft)
+    record(f"springs_{body}", notes)
 
 
 # ---- figures of Matplotlib
@@ -483,7 +536,7 @@ def test_a_film_that_is_a_page(name, tmp_path, record):
     path = tmp_path / "film.html"
     run = invented(*RUNS[name])
     look = video(fps=10, seconds=2, theme="dark", colour="strain")
-    write_page(path, [run], look, silent, Span(end="end"))
+    write_page(path, [run], look, silent, Span(start="contact", end="end"))
     head, data = packed(path)
     notes = list(of_json(head))
     for key, (first, count) in head["runs"][0]["arrays"].items():

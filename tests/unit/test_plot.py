@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from io import BytesIO
 
 import matplotlib
 import numpy as np
@@ -16,6 +17,7 @@ from PIL import Image
 
 from taichi_disk import runtime
 from taichi_disk.output.artist import drawing_process
+from taichi_disk.output.inline import Plot
 from taichi_disk.output.plot import matplotlib_style, plot_run, plot_scene
 from taichi_disk.simulation.simulation import shared_kernels
 
@@ -78,3 +80,14 @@ def test_matplotlib_is_not_imported_for_names_and_colours_of_the_curves():
     code = "import sys, taichi_disk.render.palette; print('matplotlib' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout.splitlines()[-1] == "False"
+
+
+@pytest.mark.parametrize("form", ["pdf", "ps"])
+def test_the_fonts_of_a_file_are_those_that_publishers_take(form):
+    figure = Plot()
+    figure.text(0.5, 0.5, "η* = 5")
+    file = BytesIO()
+    figure.savefig(file, format=form)
+    # type 3 draws letters as paths
+    for name in (b"/Type3", b"/FontType 3"):
+        assert name not in file.getvalue()

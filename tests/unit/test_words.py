@@ -8,14 +8,11 @@ from bodies import painter
 from matplotlib import font_manager, get_data_path
 from PIL import Image, ImageDraw
 
-from taichi_disk.render.letters import LEAST, Letters, lacking
+from taichi_disk.render.letters import Letters, lacking
 from taichi_disk.render.moments import Caption
 from taichi_disk.render.words import (
-    Legend,
     Scales,
     Title,
-    caption_lines,
-    fitting_letters,
     label,
     legend,
     round_below,
@@ -63,33 +60,6 @@ def test_the_widest_of_all_changing_words_decides_how_much_room_is_left():
     assert blocks[0].lines != legend(letters, 720, TITLE, [END], True, 3).lines
 
 
-@pytest.mark.parametrize("is_band", [False, True])
-@pytest.mark.parametrize(
-    ("size", "factor"),
-    [(64, 1.0), (240, 1.0), (360, 1.0), (360, 2.0), (480, 1.5), (720, 1.0)],
-)
-def test_letters_have_11_pixels_or_are_absent_and_none_overlap(size, factor, is_band):
-    letters = fitting_letters(Letters(size, factor), [CAPTIONS], size)
-    block = legend(letters, size, TITLE, CAPTIONS, is_band, 3)
-    if size < 240:
-        assert block == Legend()
-        assert letters.footer == 0
-        return
-    assert min(line.face.size for line in block.lines) >= LEAST
-    # of each picture
-    for caption in CAPTIONS:
-        changing = [line.box for line in caption_lines(letters, caption, size)]
-        boxes = [line.box for line in block.lines] + changing
-        for k, box in enumerate(boxes):
-            assert box[0] >= 0.0 <= box[2]
-            assert box[1] <= size
-            assert not any(overlap(box, other) for other in boxes[k + 1 :])
-    # A word and a number in the same row are apart.
-    left = max(line.box[1] for line in block.lines)
-    right = min(line.box[0] for line in caption_lines(letters, END, size))
-    assert right - left > 0.4 * letters.text.size
-
-
 def test_letters_that_the_font_lacks_come_from_a_font_of_the_system(monkeypatch):
     monkeypatch.setattr(font_manager, "findSystemFonts", list)
     assert lacking("η* = 100, ξ, Mc²/R, −5") == ""
@@ -101,31 +71,6 @@ def test_letters_that_the_font_lacks_come_from_a_font_of_the_system(monkeypatch)
     assert face.font("ᶁ = 5").path == others
     assert face.font("η* = 5").path == face.font("a").path != others
     assert lacking("ᶁ = 5") == ""
-
-
-@pytest.mark.parametrize("colour", ["pressure", "shear"])
-@pytest.mark.parametrize("factor", [1.0, 1.5])
-@pytest.mark.parametrize("size", [240, 360, 720])
-def test_words_of_the_scales_do_not_overlap(size, factor, colour):
-    letters = Letters(size, factor)
-    arrows = painter(colour=colour, limit=0.015)
-    pace = ("1 s = 5.3 R/c", "slow motion")
-    below = Scales(arrows, size, letters, 80.0 * size / 720)
-    drawn = [*below.lines, *below.pace_lines(pace)]
-    texts = [line.text for line in drawn]
-    assert "1 s = 5.3 R/c" in texts
-    assert "≥ 1.5" in texts or "≥ +1.5" in texts
-    is_large = size == 720 and factor == 1.0
-    assert not is_large or {"slow motion", "force on a point"} < set(texts)
-    assert ("stretched" in texts) == (colour == "pressure")
-    for k, line in enumerate(drawn):
-        left, right, _, _ = line.box
-        assert left >= 0.0
-        assert right <= size
-        for other in drawn[k + 1 :]:
-            first, last, _, _ = other.box
-            is_apart = right <= first or last <= left
-            assert other.baseline != line.baseline or is_apart, (line, other)
 
 
 @pytest.mark.parametrize("colour", ["pressure", "shear"])
