@@ -38,7 +38,7 @@ class Recording {
     const count = halves.length / 2;
     this.displacements = new Int16Array(count);
     for (let i = 0; i < count; i++) {
-      const before = i < 2 * points ? 0 : this.displacements[i - 2 * points];
+      const before = this.displacements[i - 2 * points] ?? 0;
       this.displacements[i] = before + (halves[i] | (halves[count + i] << 8));
     }
     this.codes = {};

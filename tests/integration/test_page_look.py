@@ -2,21 +2,41 @@
 
 from __future__ import annotations
 
+import asyncio
+import socket
 import time
 from collections.abc import Callable, Iterator
+from threading import Thread
 from typing import Any
 
 import pytest
 
-from tests.browser import SETTINGS, Browser, serving
+from taichi_disk import load_scene, runtime
+from taichi_disk.simulation.simulation import shared_kernels
+from taichi_disk.window import server
+from taichi_disk.window.app import list_presets
+from taichi_disk.window.audience import Audience
+from taichi_disk.window.door import Door
+from taichi_disk.window.session import Common
+from tests.browser import SETTINGS, Browser
 
 
 @pytest.fixture(scope="module")
-def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Return the address of the program with the scenes of the list."""
-    folder = tmp_path_factory.mktemp("view")
-    with serving(folder, *(f"--set={one}" for one in SETTINGS)) as (_, url):
-        yield url
+def address() -> Iterator[str]:
+    """Return the address of a server with the scenes of the list, which shares its
+    kernels with the sandboxes of other tests."""
+    runtime.start()
+    playlist = list_presets(load_scene("exponential_wall", SETTINGS))
+    audience = Audience(Common(playlist, shared_kernels()))
+    loop = asyncio.new_event_loop()
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        serving = loop.create_task(server.run(audience, Door("secret"), listening))
+        thread = Thread(target=loop.run_until_complete, args=[asyncio.wait([serving])])
+        thread.start()
+        yield f"http://127.0.0.1:{listening.getsockname()[1]}/secret/"
+        loop.call_soon_threadsafe(serving.cancel)
+        thread.join()
+        loop.close()
 
 
 @pytest.fixture
