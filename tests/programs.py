@@ -10,6 +10,7 @@ import sys
 import zlib
 
 import numpy as np
+from PIL import Image
 
 
 def python(*words, **options):
@@ -44,3 +45,13 @@ def packed(path):
     data = zlib.decompress(base64.b64decode(text))
     length = int(np.frombuffer(data[:4], "<u4")[0])
     return json.loads(data[4 : 4 + length]), data[4 + length :]
+
+
+def durations_of(path):
+    """Return how long each picture of a GIF is shown [ms]."""
+    durations = []
+    with Image.open(path) as gif:
+        for k in range(gif.n_frames):
+            gif.seek(k)
+            durations.append(gif.info["duration"])
+    return durations

@@ -18,7 +18,7 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 from PIL import Image
-from programs import packed, printed_by, python
+from programs import durations_of, packed, printed_by, python
 
 from taichi_disk import api, load_scene, runtime
 from taichi_disk.computation.contact import greatest_compression
@@ -171,16 +171,6 @@ def test_a_film_has_the_pictures_asked_for_and_the_same_bytes_and_is_whole_or_as
         assert not suffix or iio.immeta(path, plugin="pyav")["fps"] == 10
     assert pictures.shape[1:] == (SIZE, SIZE, 3)
     assert np.abs(pictures[:, 2, 2] - ground_of("light")).max() < 6
-
-
-def durations_of(path):
-    """Return how long each picture of a GIF is shown [ms]."""
-    durations = []
-    with Image.open(path) as gif:
-        for k in range(gif.n_frames):
-            gif.seek(k)
-            durations.append(gif.info["duration"])
-    return durations
 
 
 @needs_vulkan
@@ -380,15 +370,6 @@ def test_a_compression_begins_with_no_minus_and_the_whole_disk_on_a_soft_wall():
     assert scenario.caption(row)[-1] == "ξ = 0.0000 R"
     soft = load_scene("compression", [*PRESSED, "wall.a=10"]).scenario()
     assert soft.lattice.positions[:, 1].max() <= soft.view[3]
-
-
-@needs_vulkan
-def test_colours_survive_the_encoding(run, tmp_path):
-    for name in ("film.mp4", "frames"):
-        film(tmp_path / name, [run], seconds=0.3)
-    off = iio.imread(tmp_path / "film.mp4") - pictures_in(tmp_path / "frames")
-    assert np.abs(off.mean(axis=(1, 2))).max() < 1.5
-    assert np.abs(off).mean() < 4.0
 
 
 # ---- failures

@@ -263,6 +263,29 @@ def test_a_full_disk_takes_no_number_with_it(
         assert command()[0] == 0
 
 
+# arrays of lattice.npz, with their types and numbers of axes
+ARRAYS = (
+    "positions f2 bonds i2 rest_lengths f1 masses f1 disk_points i0 disk_surface i1"
+    " triangles i2 origin U0 velocities f2 unloaded f2"
+)
+OF_WALLS = "wall_surface i1 wall_boundary i1 wall_impedance f2"
+
+
+@pytest.mark.parametrize("kind", SCENES)
+def test_the_npz_files_hold_the_arrays_of_the_contract(runs, kind):
+    expected = ARRAYS
+    if kind == "absorbing_wall":
+        expected += f" {OF_WALLS}"
+    for name, arrays in (
+        ("lattice.npz", expected),
+        ("final.npz", "positions f2 velocities f2 t f0"),
+    ):
+        with np.load(runs[kind].out / name) as file:
+            found = {key: f"{one.dtype.kind}{one.ndim}" for key, one in file.items()}
+        words = arrays.split()
+        assert found == dict(zip(words[::2], words[1::2], strict=True))
+
+
 @pytest.mark.parametrize("kind", ["exponential_wall", "absorbing_wall"])
 def test_first_and_last_row_are_the_states_in_the_npz_files(runs, kind):
     stored_run = runs[kind]

@@ -60,7 +60,10 @@ def test_a_curve_is_at_the_row_of_its_value_grey_before_and_coloured_after():
 @pytest.mark.parametrize(("letter", "height"), [(20.0, 720), (30.0, 720), (11.0, 360)])
 def test_no_word_of_a_panel_is_cut(letter, height):
     size = round(height * 7 / 9), height
-    panel = draw_panel(scene(len(NAMES), letter, size)).coming[..., :3]
+    shown = scene(len(NAMES), letter, size)
+    long = "a label that is much too long for these axes  [R/c]"
+    shown = replace(shown, labels=[long, long, "energy"], time_label=long)
+    panel = draw_panel(shown).coming[..., :3]
     for edge in (panel[0], panel[-1], panel[:, 0], panel[:, -1]):
         assert (edge == panel[0, 0]).all()
 
