@@ -297,7 +297,7 @@ def test_a_disk_flies_before_the_run_only_if_it_would_keep_its_spin(settings, fl
 
 LONG = Title(
     "Impact on an elastic wall with friction",
-    ("v = 0.1 c", "η* = 0", "a = 300/R", "N = 1,099", "reset every 0.003 R/c"),
+    ("v = 0.1 c", "η* = 0", "a = 300/R", "a wall that resets every 0.003 R/c"),
     ("displacements × 2",),
 )
 CAPTIONS = [
@@ -360,7 +360,7 @@ def test_words_of_pictures(size, factor, colour, record):
 
 
 def test_marks_above_the_disk(record):
-    drawer = painter(theme="dark", full_speed=0.1, spoke=5, edge=0.02, full_force=0.02)
+    drawer = painter(theme="dark", full_speed=0.1, spoke=0, edge=0.02, full_force=0.02)
     x = drawer.lattice.positions * [1.1, 0.9] + [0.0, -0.08]
     x = np.maximum(x, [-9.0, 0.05])  # flat below
     camera = Camera.fit((-1.3, 1.2, -0.1, 2.3), 400, 360, (0.0, 400.0, 10.0, 350.0))
