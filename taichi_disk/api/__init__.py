@@ -584,6 +584,6 @@ def _check_arguments(scene: Scene, changes: dict[str, Any]) -> None:
     arguments = {*signature(run).parameters}
     for name in changes:
         names = [*scene.sections(), *scene.key_names(), *arguments]
-        if not scene.homes(name) and arguments & {*nearest(name, names)}:
+        if arguments & {*nearest(name, names)}:
             hint = did_you_mean(name, arguments)
             raise InputError(f"{name}: unknown argument of run{hint}")
