@@ -287,18 +287,13 @@ def rectangle_points(
     apart.
 
     Along the four sides they are evenly spaced by about `row`; if `row` is infinite,
-    there are none. Raises InputError if the sides need all the points.
+    there are none. The sides must leave some of the points for the inside.
     """
     frame = np.empty((0, 2))
     clear = 0.0
     if math.isfinite(row):
         frame = _frame(low, high, row)
         clear = spacing * math.sqrt(0.75)
-    if points <= len(frame):
-        raise InputError(
-            f"{points} points are too few: the rows along the sides of the rectangle"
-            f" need {len(frame)}"
-        )
     low = low + clear
     high = high - clear
 

@@ -123,6 +123,7 @@ def spoilt(place, value):
 
 
 TWO = np.concatenate([0.2 * ROUND - [0.8, 0], 0.2 * ROUND + [0.8, 0]])
+BOW_TIE = np.array([[0, 0], [1, -1], [1, 1], [-1, 1], [-1, -1]])
 NO_DISKS = [
     (ROUND[:, 0], {}, "shape (n, 2)"),
     (["a"], {}, "array of real numbers"),
@@ -135,6 +136,7 @@ NO_DISKS = [
     (np.append(ROUND, ROUND[7:8], axis=0), {}, "points 7 and 241 are the same"),
     (np.linspace(-1, 1, 9)[:, None] * [1, 0.5], {}, "one line"),
     (TWO, {}, "do not form one connected piece"),
+    (BOW_TIE, {"triangles": [[0, 1, 2], [0, 3, 4]]}, "share only single points"),
     (RIM, {}, "is no corner of a triangle"),
     (GRID, {"springs": CROSSED}, "give `triangles`, as springs that cross need"),
     (GRID, {"springs": CROSSED + 0.5}, "whole numbers"),

@@ -67,6 +67,18 @@ def test_a_stored_lattice_is_checked_as_what_a_user_gives(tmp_path, changes, mes
     assert message in text
 
 
+def test_velocities_are_an_array_of_a_file_of_arrays(tmp_path):
+    (tmp_path / "a.csv").write_text("0,-0.1\n")
+    np.savez(tmp_path / "a.npz", u=np.zeros((60, 2)), x=DISK.positions)
+    for name, message in (
+        ("a.csv", "velocities are read from an .npz file"),
+        ("a.npz", "has no array velocities, only u, x"),
+    ):
+        settings = ["lattice.points=60", f"lattice.velocities={tmp_path / name}"]
+        with pytest.raises(InputError, match=message):
+            load_scene("exponential_wall", settings).scenario()
+
+
 @pytest.mark.parametrize("points", [3, 5, 20])
 def test_any_random_disk_may_be_given_as_a_lattice(points):
     section = load_scene("exponential_wall").lattice
