@@ -335,7 +335,8 @@ def clashes(lines, width):
 )
 def test_words_of_pictures(size, factor, colour, record):
     drawer = painter(colour=colour)
-    outer = [drawer.lattice.positions * 1.4]
+    side = 0.1 if size > 720 else 1.4  # whether the disk reaches the corners
+    outer = [np.array([[-side, 2.2], [side, 2.2]])]
     disks = [Disk(drawer, LONG, CAPTIONS, outer) for _ in range(2)]
     disks[1] = replace(disks[1], title=replace(LONG, heading="η* = 3", enlarged=1.5))
     letters = fitting_letters(Letters(size, factor), [CAPTIONS], size)
