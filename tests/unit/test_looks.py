@@ -24,6 +24,7 @@ from shown import digest, number, numbers, of_figure, of_line
 from taichi_disk import load_scene
 from taichi_disk.computation.driver import State
 from taichi_disk.computation.outcome import Outcome
+from taichi_disk.fields import Triangles
 from taichi_disk.figures.curves import analyse
 from taichi_disk.figures.drawing import figure_to_change
 from taichi_disk.figures.texts import curve_rows
@@ -43,7 +44,7 @@ from taichi_disk.render.recording import Flight
 from taichi_disk.render.state_figure import draw_state
 from taichi_disk.render.words import Scales, Title, caption_lines, fitting_letters
 from taichi_disk.simulation.observables import COLUMNS
-from taichi_disk.web.drawing import scene_message
+from taichi_disk.web.drawing import colour_values, scene_message
 from taichi_disk.web.film import write_page
 
 SMALL = ("lattice.points=41", "lattice.seed=3")
@@ -80,7 +81,7 @@ def invented(name, *settings):
         x = rest.copy()
         arm = rest[:n] - middle
         wave = 0.004 * np.sin(3.0 * t + np.arange(n))[:, None] * [1.0, 0.5]
-        x[:n] += strength * arm * [0.02, -0.06] + strength * wave
+        x[:n] += strength * arm * [0.01, -0.02] + strength * wave
         # above the wall, in whose haze forces are no larger than `largest_force`
         height = 0.055 - 0.005 * strength + 0.05 * max(first - t, 0.9 * (t - last), 0.0)
         x[:n] += [0.01 * t, height - x[:n, 1].min()]
@@ -529,9 +530,16 @@ def as_text(value, name):
 TYPES = {"centres": "<f4", "velocities": "<f4", "forces": "<f4"}
 
 
-def test_a_sandbox_begins_unmagnified():
+def test_a_sandbox_begins_unmagnified_and_its_springs_have_their_own_values():
     scenario = load_scene("exponential_wall", SMALL).scenario()
     assert scene_message(scenario)["options"]["magnify"] == 1.0
+    lattice = scenario.lattice
+    state = 1.01 * lattice.positions, scenario.velocities
+    for name, n in (("strain", len(lattice.bonds)), ("speed", 41)):
+        values = colour_values(
+            name, Triangles(lattice), scenario.model.springs, *state, of_springs=True
+        )
+        assert len(values) == n
 
 
 @pytest.mark.parametrize("name", ["impact", "loading"])
@@ -543,6 +551,7 @@ def test_a_film_that_is_a_page(name, tmp_path, record):
     head, data = packed(path)
     notes = list(of_json(head))
     for key, (first, count) in head["runs"][0]["arrays"].items():
+        assert first % 4 == 0  # as JavaScript wants it
         array = np.frombuffer(data, TYPES.get(key, "u1"), count, first)
         notes.append(f"{key} {digest(array)}")
     record(f"page_{name}", notes)
