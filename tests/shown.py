@@ -150,9 +150,9 @@ def _of_axes(ax: Axes):
         yield f"  {name} {axis.get_scale()} {bounds} ticks {ticks}"
         if axis.label.get_text():
             yield "  " + _of_text(f"{name} label", axis.label)
-        for line in axis.get_gridlines()[:1]:
-            if line.get_visible():
-                yield f"  grid {to_hex(line.get_color())} {line.get_linewidth():.3g}"
+        grid = [line for line in axis.get_gridlines() if line.get_visible()]
+        for line in grid[:1]:
+            yield f"  grid {to_hex(line.get_color())} {line.get_linewidth():.3g}"
     titles = [ax.get_title(where) for where in ("left", "center", "right")]
     for text in ax.findobj(Text):
         if text.get_text() in filter(None, titles):

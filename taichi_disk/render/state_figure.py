@@ -101,7 +101,6 @@ def _draw(axes: Any, states: Recording, video: VideoSection) -> None:
     xmin, xmax, ymin, ymax = Scales.of([states], 1.0).view
     axes.set(xlim=(xmin, xmax), ylim=(ymin, ymax), aspect="equal")
     axes.set_facecolor(theme.ground)
-    axes.grid(visible=False)
     field = axes.tripcolor(mesh, values, shading="gouraud", **scale)
     if video.colour != "fringes":
         axes.triplot(*x.T, triangles.triangles, color=theme.ink, **_SPRINGS)

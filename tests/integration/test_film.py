@@ -126,11 +126,6 @@ def ground_of(theme):
     return 255 * np.array(THEMES[theme].ground)
 
 
-def has_ink(picture, ground):
-    """Return where a picture differs from its ground, (rows, columns)."""
-    return np.abs(picture - ground).max(axis=-1) > 20
-
-
 def digests(folder):
     files = [path for path in folder.rglob("*") if path.is_file()]
     return {path: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}

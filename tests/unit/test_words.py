@@ -33,31 +33,17 @@ def test_the_arrow_of_the_scale_stands_for_a_round_force(value):
     assert f"{below:.6e}"[:8] in ("1.000000", "2.000000", "5.000000")
 
 
-TITLE = Title(
-    "Impact on an elastic wall",
-    ("v = 0.1 c", "η* = 0", "a = 300/R", "N = 1,099", "reset every 0.003 R/c"),
-)
-FLIGHT = Caption(t=-14.12, lines=("before t = 0", "−0.78 v"))
-PEAK = Caption(2.05, "greatest compression", (), ("t = 2.05 R/c", "0.00 v"))
-END = Caption(t=4.35, lines=("t = 4.35 R/c", "+0.93 v"), result="e = 0.9672")
-CAPTIONS = [FLIGHT, PEAK, END]
-
-
-def overlap(one, other):
-    """Return whether two boxes share more than the margin of letters."""
-    is_beside = one[1] <= other[0] or other[1] <= one[0]
-    return not (is_beside or one[3] <= other[2] + 3.0 or other[3] <= one[2] + 3.0)
-
-
 def test_the_widest_of_all_changing_words_decides_how_much_room_is_left():
-    wide = Caption(0.0, "", (), ("before the disk touches the wall", "−0.78 v"))
+    title = Title("Impact on an elastic wall", ("v = 0.1 c", "η* = 0", "a = 300/R"))
+    narrow = Caption(4.35, lines=("t = 4.35 R/c", "+0.93 v"), result="e = 0.9672")
+    wide = Caption(0.0, lines=("before the disk touches the wall", "−0.78 v"))
     letters = Letters(720)
     blocks = [
-        legend(letters, 720, TITLE, captions, True, 3)
-        for captions in ([wide, END], [END, wide], [END, wide, END])
+        legend(letters, 720, title, captions, True, 3)
+        for captions in ([wide, narrow], [narrow, wide], [narrow, wide, narrow])
     ]
     assert blocks[0].lines == blocks[1].lines == blocks[2].lines
-    assert blocks[0].lines != legend(letters, 720, TITLE, [END], True, 3).lines
+    assert blocks[0].lines != legend(letters, 720, title, [narrow], True, 3).lines
 
 
 def test_letters_that_the_font_lacks_come_from_a_font_of_the_system(monkeypatch):
