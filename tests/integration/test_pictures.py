@@ -13,7 +13,7 @@ from taichi_disk import runtime
 from taichi_disk.engine import ti
 from taichi_disk.fields import QUANTITIES, Triangles, at_points
 from taichi_disk.lattice import Lattice
-from taichi_disk.physics import ExponentialWall, Springs
+from taichi_disk.physics import Springs
 from taichi_disk.render import film_problem
 from taichi_disk.render.geometry import Camera
 from taichi_disk.render.painter import Painter
@@ -101,25 +101,6 @@ def test_a_disk_of_any_number_of_points_is_seen_whole(shoot, points, draw):
     assert (drawn[0] > there.min(axis=0) - 4).all()
     assert (drawn[1] >= there.max(axis=0) - 1.0).all()
     assert (drawn[1] < there.max(axis=0) + 4).all()
-
-
-@pytest.mark.parametrize("a", [10.0, 300.0])
-@pytest.mark.parametrize("theme", THEMES)
-def test_the_wall_is_solid_up_to_where_the_disk_rests(shoot, theme, a):
-    edge = 0.05
-    body = np.array(THEMES[theme].wall)
-    x = DISK.positions - [0.0, DISK.positions[:, 1].min() - edge]
-    picture = shoot(DISK, x, wall=ExponentialWall(a, 150.0), edge=edge, theme=theme)
-    for place in ((-0.9, edge - 0.02), (0.9, 0.0)):
-        assert pixel(picture, place) == pytest.approx(body, abs=0.01)
-    haze = pixel(picture, (-1.0, edge + 0.1)) - ground(theme)
-    share = np.exp(-a * 0.1) * np.linalg.norm(body - ground(theme))
-    assert np.linalg.norm(haze) == pytest.approx(share, abs=0.02)
-    # Between disk and wall there is nothing: the lowest point lies on the edge.
-    column = int(to_pixels(CAMERA, x[x[:, 1].argmin()])[0])
-    gap = np.abs(picture[:, column] - ground(theme)).sum(axis=-1) < 0.01
-    assert gap[:15].any()
-    assert not gap[40:].any()
 
 
 def test_a_picture_does_not_depend_on_those_before_it(shoot):

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from io import BytesIO
-
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.collections import TriMesh
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from PIL import Image
 
 from taichi_disk import run
 from taichi_disk.errors import InputError
-from taichi_disk.fields import QUANTITIES
 from taichi_disk.render.palette import LEVELS, colour_map
 
 
@@ -91,22 +87,3 @@ def test_letters_beside_dark_axes_have_the_axes_colour(result):
     _, bar = figure.axes
     letters = [bar.yaxis.label, *bar.get_yticklabels(), ax.title]
     assert {to_rgb(one.get_color()) for one in letters} == {(1.0, 1.0, 1.0)}
-
-
-# the widest numbers beside the bar; the others with --validate
-WIDE = ("kinetic",)
-
-
-@pytest.mark.parametrize(
-    "colour",
-    [
-        pytest.param(name, marks=() if name in WIDE else pytest.mark.validate)
-        for name in QUANTITIES
-    ],
-)
-def test_no_label_is_cut_at_the_sides_of_the_figure(result, colour):
-    file = BytesIO()
-    result.draw(colour=colour).savefig(file)
-    picture = np.asarray(Image.open(file).convert("L"))
-    for side in (picture[0], picture[-1], picture[:, 0], picture[:, -1]):
-        assert side.min() == 255

@@ -3,24 +3,12 @@ larger."""
 
 import numpy as np
 import pytest
-from bodies import to_pixels
 
 from taichi_disk.lattice import Lattice
 from taichi_disk.physics import ExponentialWall
-from taichi_disk.render.geometry import Camera, edge_height, placed
+from taichi_disk.render.geometry import edge_height, magnification, placed
 
 DISK = Lattice.disk(60, 0)
-
-
-def test_the_camera_shows_the_view_in_the_viewport_with_equal_scales():
-    camera = Camera.fit((-1.9, 1.9, -0.95, 2.1), 720, 700, (14.0, 706.0, 74.0, 626.0))
-    (left, bottom), (right, top) = to_pixels(camera, [(-1.9, -0.95), (1.9, 2.1)])
-    assert left >= 14
-    assert right <= 706
-    assert top >= 73.999
-    assert bottom == pytest.approx(626.0)
-    sides = to_pixels(camera, (1.0, 0.0)) - to_pixels(camera, (0.0, 1.0))
-    assert sides == pytest.approx([camera.scale] * 2)
 
 
 def test_the_edge_is_drawn_where_the_wall_pushes_with_a_force_or_at_its_surface():
@@ -49,3 +37,9 @@ def test_a_rigid_motion_stays_where_it_is_and_a_strain_is_magnified():
     larger = placed(DISK, x, 20.0)
     assert larger == pytest.approx(rest - 0.06 * (rest - lowest), abs=1e-12)
     assert (placed(DISK, x, 1.0) == x).all()
+
+
+def test_a_film_magnifies_the_flattening_to_about_a_twentieth_of_r_if_not_told():
+    assert magnification("auto", 0.0101) == 5.0
+    assert magnification("auto", 0.07) == 1.0  # never smaller
+    assert magnification(3, 0.0101) == 3.0

@@ -14,6 +14,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import yaml
 from bodies import painter
 from matplotlib.backends import backend_agg
 from PIL import Image, ImageDraw
@@ -362,7 +363,9 @@ def test_words_of_pictures(size, factor, colour, record):
 
 
 def test_marks_above_the_disk(record):
-    drawer = painter(theme="dark", full_speed=0.1, spoke=0, edge=0.02, full_force=0.02)
+    drawer = painter(
+        theme="dark", magnify=2.0, full_speed=0.1, spoke=0, edge=0.02, full_force=0.02
+    )
     x = drawer.lattice.positions * [1.1, 0.9] + [0.0, -0.08]
     x = np.maximum(x, [-9.0, 0.05])  # flat below
     camera = Camera.fit((-1.3, 1.2, -0.1, 2.3), 400, 360, (0.0, 400.0, 10.0, 350.0))
@@ -493,38 +496,24 @@ def test_states_on_axes(name, colour, record):
 # ---- pages
 
 
-def of_json(value, place=""):
-    """Yield a line for each part of a message; long lists and bytes as digests."""
+def short(value, name=""):
+    """Return a message with digests in the place of numbers and bytes."""
     if isinstance(value, dict):
-        inner = {key: each for key, each in value.items() if is_nested(each)}
-        texts = [f"{k}: {as_text(v, k)}" for k, v in value.items() if k not in inner]
-        if texts:
-            yield f"{place} {'; '.join(texts)}"
-        for name, each in inner.items():
-            yield from of_json(each, f"{place}.{name}")
-        return
-    for each in value:
-        yield from of_json(each, f"{place} -")
-
-
-def is_nested(value):
-    if isinstance(value, list):
-        return bool(value) and isinstance(value[0], dict)
-    return isinstance(value, dict)
-
-
-def as_text(value, name):
-    if isinstance(value, float):
-        return number(value)
+        return {key: short(each, key) for key, each in value.items()}
     if isinstance(value, list) and {type(one) for one in value} <= {int, float}:
         return digest(value)
     if isinstance(value, list):
-        return f"[{', '.join(as_text(one, name) for one in value)}]"
+        return [short(one) for one in value]
     if isinstance(value, str) and len(value) > 80:
         kind = {"rest": "<f4"}.get(name, "<u4")
         kind = "u1" if " " in name else kind  # of a map of colours
         return digest(np.frombuffer(base64.b64decode(value), kind))
-    return f"{value}"
+    return number(value) if isinstance(value, float) else value
+
+
+def of_json(value):
+    style = {"width": 400, "allow_unicode": True, "sort_keys": False}
+    return yaml.safe_dump(short(value), **style, default_flow_style=None).splitlines()
 
 
 TYPES = {"centres": "<f4", "velocities": "<f4", "forces": "<f4"}

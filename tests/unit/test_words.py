@@ -2,16 +2,12 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
-from bodies import painter
 from matplotlib import font_manager, get_data_path
-from PIL import Image, ImageDraw
 
 from taichi_disk.render.letters import Letters, lacking
 from taichi_disk.render.moments import Caption
 from taichi_disk.render.words import (
-    Scales,
     Title,
     label,
     legend,
@@ -57,16 +53,3 @@ def test_letters_that_the_font_lacks_come_from_a_font_of_the_system(monkeypatch)
     assert face.font("ᶁ = 5").path == others
     assert face.font("η* = 5").path == face.font("a").path != others
     assert lacking("ᶁ = 5") == ""
-
-
-@pytest.mark.parametrize("colour", ["pressure", "shear"])
-def test_the_colour_bar_shows_the_map(colour):
-    coloured_painter = painter(colour=colour, theme="dark")
-    colours = coloured_painter.colours(np.linspace(0.0, 1.0, 245))
-    bar = np.rint(255 * colours).astype(np.uint8)
-    letters = Letters(720)
-    below = np.zeros((letters.footer, 720, 4), np.uint8)
-    picture = Image.fromarray(below)
-    scales = Scales(coloured_painter, 720, letters, 250.0)
-    scales.draw(below, picture, ImageDraw.Draw(picture))
-    assert any(np.array_equal(row[237:482, :3], bar) for row in below)
