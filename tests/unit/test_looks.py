@@ -198,7 +198,7 @@ def of_picture(picture):
 FILMS = {
     "impact": (
         ["exponential_wall"],
-        {"size": 720, "seconds": 0.5, "magnify": 3},
+        {"size": 720, "seconds": 0.3, "magnify": 3},
     ),
     "comparison": (
         [
@@ -340,7 +340,9 @@ def test_words_of_pictures(size, factor, colour, record):
     side = 0.1 if size > 720 else 1.4  # whether the disk reaches the corners
     outer = [np.array([[-side, 2.2], [side, 2.2]])]
     disks = [Disk(drawer, LONG, CAPTIONS, outer) for _ in range(2)]
-    disks[1] = replace(disks[1], title=replace(LONG, heading="η* = 3", enlarged=1.5))
+    disks[1] = replace(
+        disks[1], title=replace(LONG, heading="lattice.min_spacing = 3", enlarged=1.5)
+    )
     letters = fitting_letters(Letters(size, factor), [CAPTIONS], size)
     camera, legends = arranged(disks, size, letters, (-1.5, 1.5, 0.0, 2.4))
     scales = Scales(drawer, 2 * size, letters, camera.scale)
