@@ -63,7 +63,8 @@ def played(browser: Browser, page: str) -> list[str]:
         path.write_text(page, encoding="utf-8")
         browser.driver.get(path.as_uri())
         text = browser.wait(lambda: browser.script("return window.recorded"))
-    assert not browser.errors()
+    errors = browser.errors()
+    assert not errors, errors
     return str(text).splitlines()
 
 

@@ -43,7 +43,8 @@ const SCENE = {
   themes: { light: themeOf("light"), dark: themeOf("dark") },
 };
 const get = (id) => document.getElementById(id);
-const size = (id, width, height) => Object.assign(get(id).style, { width: `${width}px`, height: `${height}px` });
+const size = (id, width, height) =>
+  Object.assign(get(id).style, { width: `${width}px`, height: `${height}px` });
 const resize = () => stage.observers.forEach((act) => act());
 const field = (name, kind, k = 0) => document.querySelectorAll(`[data-key="${name}"] input[type=${kind}]`)[k];
 const type = (name, text, k) => {

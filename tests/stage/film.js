@@ -2,12 +2,14 @@
 
 const STATES = 4;
 const bytesOf = (list, Kind) => new Uint8Array(Kind.from(list).buffer);
-const differences = (rows) => rows.flatMap((row, k) => row.map((value, i) => value - (k ? rows[k - 1][i] : 0)));
+const differences = (rows) =>
+  rows.flatMap((row, k) => row.map((value, i) => value - (k ? rows[k - 1][i] : 0)));
 
 // Return a run with a number, which squeezes its disk, and its arrays.
 function runOf(number) {
   const part = (k) => (number + 1) * [0, 100, 400, -200][k];
-  const moved = [0, 1, 2, 3].map((k) => POINTS.flatMap(([x, y]) => [part(k) * x - 30 * k, -part(k) * y + 100 * k]));
+  const place = (k, [x, y]) => [part(k) * x - 30 * k, -part(k) * y + 100 * k];
+  const moved = [0, 1, 2, 3].map((k) => POINTS.flatMap((point) => place(k, point)));
   const steps = differences(moved);
   const codes = (zero) => differences([0, 1, 2, 3].map((k) => POINTS.map((_, i) => zero + 8 * k * (i - 2))));
   const forces = [5, 0, 0.01, 5, 0.002, 0.02, 6, -0.004, 0.03];
@@ -16,20 +18,24 @@ function runOf(number) {
     centres: bytesOf([0, 1.2, 0.1, 1, 0.2, 0.9, 0.3, 1.1], Float32Array),
     velocities: bytesOf([0.01, -0.04, 0.01, -0.03, 0, 0, 0, 0.03], Float32Array),
     forces: bytesOf(forces, Float32Array),
-    displacements: bytesOf([...steps.map((one) => one & 255), ...steps.map((one) => (one >> 8) & 255)], Uint8Array),
+    displacements: bytesOf([0, 8].flatMap((shift) => steps.map((one) => one >> shift)), Uint8Array),
     pressure: bytesOf(codes(127), Uint8Array),
     strain: bytesOf(codes(50), Uint8Array),
     fringes: bytesOf(codes(60), Uint8Array),
   };
-  const captions = [0, 1, 2, 3, 4, 5].map((k) => [`t = ${k} of ${number}`, `+v = ${k}`, k === 5 ? "*e = 0.9" : "", "slow"]);
+  const captions = [0, 1, 2, 3, 4, 5].map((k) => {
+    return [`t = ${k} of ${number}`, `+v = ${k}`, k === 5 ? "*e = 0.9" : "", "slow"];
+  });
   const scene = { ...SCENE, full_force: 0.03, title: [`run ${number}`, "N = 7", "η* = 2"] };
   const limits = { pressure: { ...limit, signed: true }, strain: limit, fringes: limit };
-  const run = { scene, states: STATES, captions, full_speed: number ? 0 : 0.04, unit: 1e-3, first: [0, 0, 1, 3, 3], limits };
-  return { run, arrays };
+  const numbers = { states: STATES, full_speed: number ? 0 : 0.04, unit: 1e-3 };
+  return { run: { scene, captions, limits, first: [0, 0, 1, 3, 3], ...numbers }, arrays };
 }
 
 async function packFilm() {
-  const curve = (run, panel, name, values) => ({ run, panel, name, values, colours: [`#${panel}11`, `#${panel}ee`] });
+  const curve = (run, panel, name, values) => {
+    return { run, panel, name, values, colours: [`#${panel}11`, `#${panel}ee`] };
+  };
   const head = {
     fps: 10,
     cues: [0, 0, 1, 2, 2, 3],
@@ -61,5 +67,6 @@ async function packFilm() {
   const text = words.subarray(0, words.length - (words.length % 4));
   const parts = [Uint32Array.of(text.length), text, data];
   const stream = new Blob(parts).stream().pipeThrough(new CompressionStream("deflate"));
-  document.getElementById("states").textContent = packed(new Uint8Array(await new Response(stream).arrayBuffer()));
+  const deflated = new Uint8Array(await new Response(stream).arrayBuffer());
+  document.getElementById("states").textContent = packed(deflated);
 }

@@ -64,16 +64,21 @@ const PANEL = {
   again: 1,
   loadRange: [1e-3, 0.1],
 };
-const WALL_SPEED = 0.04;
-const GRAPHS = { kind: "graphs", t: [0], values: [[8e-4], [0], [0], [-WALL_SPEED]], motion: ["velocity upwards", "c"] };
+const SPEED = 0.04;
+const GRAPHS = {
+  kind: "graphs",
+  t: [0],
+  values: [[8e-4], [0], [0], [-SPEED]],
+  motion: ["velocity upwards", "c"],
+};
 const CONTACT = {
   t: [0, 1.3, 2.6, 4],
   values: [[8e-4, 6e-4, 2e-4, 5e-4], [0, 1e-4, 4e-4, 2e-4], [0, 0.01, 0.03, 0], [-0.04, -0.03, 0.004, 0.031]],
 };
 const result = (more) => {
   const usual = { result: "e", value: 0.91234, load: 0.04, angle: 0, spin: 0, turn: 0, friction: 0 };
-  const own = { wall: "rigid", eta_star: 2.5, a: 300, points: 7, seed: 5, contact_time: 3.14159, disturbance: "" };
-  return { ...usual, ...own, ...more };
+  const own = { wall: "rigid", eta_star: 2.5, a: 300, points: 7, seed: 5 };
+  return { ...usual, ...own, contact_time: 3.14159, disturbance: "", ...more };
 };
 const RESULTS = [
   result(),
@@ -87,7 +92,11 @@ const RESULTS = [
 ];
 
 // Return the binary message of a state; `squeeze` flattens the disk, `turn` turns it.
-function stateOf({ number, t = 0, pulled = -1, centre = [0.2, 1.1], velocity = [0.01, -0.04], squeeze = 1, turn = 0, forces = [], values, graph, caption = "t = 0\nlow", wall = [] }) {
+function stateOf(more) {
+  const usual = { t: 0, pulled: -1, centre: [0.2, 1.1], velocity: [0.01, -0.04], squeeze: 1, turn: 0 };
+  const rest = { forces: [], values: null, graph: [8e-4, 0, 0, -SPEED], wall: [] };
+  const state = { ...usual, ...rest, caption: "t = 0\nlow", ...more };
+  const { number, t, pulled, centre, velocity, squeeze, turn, forces, values, graph, wall, caption } = state;
   const cos = Math.cos(turn);
   const sin = Math.sin(turn);
   const place = ([x, y]) => [centre[0] + cos * x - sin * y, centre[1] + squeeze * (sin * x + cos * y)];
@@ -95,7 +104,7 @@ function stateOf({ number, t = 0, pulled = -1, centre = [0.2, 1.1], velocity = [
   const colours = values ?? x.slice(0, x.length / 2).map((value, k) => 0.01 * (k - 3));
   const row = [...centre, ...velocity, centre[1] - 0.9];
   const words = new TextEncoder().encode(caption);
-  const floats = [...row, ...(graph ?? [8e-4, 0, 0, -WALL_SPEED]), ...x, ...colours, ...forces];
+  const floats = [...row, ...graph, ...x, ...colours, ...forces];
   const view = new DataView(new ArrayBuffer(36 + 4 * floats.length + words.length));
   view.setUint32(0, number, true);
   view.setFloat64(4, t, true);
@@ -134,7 +143,16 @@ const lead = (name, part) => {
 noteFields(Field);
 
 function record() {
-  const squeezed = { number: 3, t: 2.6, centre: [0.2, 0.7], velocity: [0.02, 0.004], squeeze: 0.8, turn: 0.2, forces: [5, 1e-3, 0.015, 6, 2e-4, 2e-4, 0, -0.01, 0.02], graph: [2e-4, 4e-4, 0.03, 0.004] };
+  const squeezed = {
+    number: 3,
+    t: 2.6,
+    centre: [0.2, 0.7],
+    velocity: [0.02, 0.004],
+    squeeze: 0.8,
+    turn: 0.2,
+    forces: [5, 1e-3, 0.015, 6, 2e-4, 2e-4, 0, -0.01, 0.02],
+    graph: [2e-4, 4e-4, 0.03, 0.004],
+  };
   step("the page opens", () => stage.sockets[0].onopen());
   step("the program begins", () => {
     tell(HELLO);
@@ -193,7 +211,16 @@ function record() {
   step("an elastic wall, and a load", () => {
     size("disk", 640, 480);
     get("forces").checked = get("arrow").checked = true;
-    tell({ ...SCENE, points: 10, wall: { kind: "elastic", edge: 0.03, decay: 0.02 }, wall_surface: indices([7, 8, 9]), spoke: -1, unused: ["hit", "slow", "arrow"], labels: { drop: "Load", collect: "Collect ξ(P)", curve: "ξ over P" }, rest: packed(Float32Array.from([...REST, -2, 0, 0, -0.2, 2, 0])) });
+    tell({
+      ...SCENE,
+      points: 10,
+      rest: packed(Float32Array.from([...REST, -2, 0, 0, -0.2, 2, 0])),
+      wall: { kind: "elastic", edge: 0.03, decay: 0.02 },
+      wall_surface: indices([7, 8, 9]),
+      spoke: -1,
+      unused: ["hit", "slow", "arrow"],
+      labels: { drop: "Load", collect: "Collect ξ(P)", curve: "ξ over P" },
+    });
     tell({ ...GRAPHS, motion: ["compression ξ", "R"] });
     show({ atStart: true, number: 3, status: "disturbed", warnings: [], seed: 6, loadRange: [1e-4, 0.05] });
     showState({ number: 6, wall: [-2, 0, 0, -0.2, 2, 0], forces: [8, 0, -0.01] });
@@ -370,7 +397,8 @@ function record() {
     stage.sockets.at(-1).onclose({ reason: "all disks are in use" });
   });
   step("and again", () => wait(6000));
-  note(`round numbers: ${[0.3 - 0.1, 0.1 + 0.2].map((value) => [roundBelow(value), rounded(roundAbove(value))])}`);
+  const round = [roundBelow(0.3 - 0.1), roundAbove(0.3 - 0.1), roundBelow(0.1 + 0.2), roundAbove(0.1 + 0.2)];
+  note(`round numbers: ${round.map(rounded)}`);
   note(`another page of the tab is ${new Sandbox(stage.root, () => {}).theme}`);
 }
 

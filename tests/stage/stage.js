@@ -1,7 +1,17 @@
 // A stage for the modules of a page: time, frames, the socket and canvases are stand-ins, so that
 // what the page draws, shows and sends becomes lines of text on each machine and in each browser.
 
-const stage = { lines: [], drawn: [], lastDrawn: [], everDrawn: new Set(), timers: [], frames: [], observers: [], sockets: [], clock: 0 };
+const stage = {
+  lines: [], // notes
+  drawn: [], // in the present step, ...
+  lastDrawn: [], // ... the last one that drew, ...
+  everDrawn: new Set(), // ... and all
+  timers: [],
+  frames: [],
+  observers: [],
+  sockets: [],
+  clock: 0, // [ms]
+};
 const note = (text) => stage.lines.push(text.replace(/\n/g, " ¶ "));
 const rounded = (value) => Number(value.toFixed(Math.abs(value) < 1 ? 4 : 2)) || 0;
 const plain = (_, value) => (typeof value === "number" ? rounded(value) : value);
@@ -59,7 +69,8 @@ class Pen extends Route {
   fill(route = this) {
     const line = pairs(route.points);
     const last = stage.drawn.at(-1);
-    if (last?.startsWith(`  stroke ${this.fillStyle} `) && last.endsWith(line)) stage.drawn[stage.drawn.length - 1] += " filled";
+    const isStroked = last?.startsWith(`  stroke ${this.fillStyle} `) && last.endsWith(line);
+    if (isStroked) stage.drawn[stage.drawn.length - 1] += " filled";
     else this.write("fill", this.fillStyle, line);
   }
   fillRect(...box) {
@@ -86,6 +97,9 @@ class Pen extends Route {
   putImageData() {}
 }
 
+const fail = (text) => (window.recorded = `the page fails: ${text}`);
+window.onerror = fail;
+window.onunhandledrejection = ({ reason }) => fail(reason);
 window.Path2D = Route;
 HTMLCanvasElement.prototype.getContext = function () {
   return (this.pen ??= new Pen(this));
@@ -121,8 +135,9 @@ window.WebSocket = class {
   }
   send(text) {
     const message = JSON.parse(text);
-    if (message.do !== "seen" || message.number !== stage.seen) note(`  send ${JSON.stringify(message, plain)}`);
-    if (message.do === "seen") stage.seen = message.number;
+    const isSeen = message.do === "seen";
+    if (!isSeen || message.number !== stage.seen) note(`  send ${JSON.stringify(message, plain)}`);
+    if (isSeen) stage.seen = message.number;
   }
   close() {
     note("  socket closed");
@@ -182,7 +197,8 @@ function described(root) {
     const parts = isLine ? [...node.querySelectorAll("*")].map(worded) : [];
     const words = [worded(node), ...parts].filter(Boolean).join(" | ");
     if (words) lines.push(`  ${place}${tag}: ${words}`);
-    if (!isLine || node.querySelector("[id]")) for (const one of node.children) visit(one, node.id ? `${tag} ` : place);
+    if (isLine && !node.querySelector("[id]")) return;
+    for (const one of node.children) visit(one, node.id ? `${tag} ` : place);
   };
   visit(root, "");
   return lines;
