@@ -6,8 +6,11 @@ from shown import check
 
 from tests.staged import PAGES, played
 
+FIREFOX = pytest.param("firefox", marks=pytest.mark.validate)
+
 
 @pytest.mark.parametrize("name", PAGES)
-def test_a_page_draws_shows_and_sends_what_is_recorded(browser, request, name):
-    lines = played(browser, PAGES[name]())
+@pytest.mark.parametrize("kind", ["chromium", FIREFOX])
+def test_a_page_draws_shows_and_sends_what_is_recorded(browsers, request, kind, name):
+    lines = played(browsers(kind), PAGES[name]())
     check(name, lines, request.config.getoption("--record"))

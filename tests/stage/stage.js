@@ -179,7 +179,8 @@ function drawFrame() {
 function worded(node) {
   const words = [...node.attributes]
     .filter(({ name }) => !/^(id|type|min|step)$/.test(name))
-    .map(({ name, value }) => (value ? `${name}="${value}"` : name));
+    .map(({ name, value }) => (value ? `${name}="${value}"` : name))
+    .sort();
   for (const name of ["value", "checked", "disabled"]) {
     if (node[name] && node.matches("input, select, button, progress")) words.push(`${name}: ${node[name]}`);
   }
