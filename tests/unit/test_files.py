@@ -1,6 +1,8 @@
 """Result files appear completely or not at all, and a folder that is not writable is
 refused without a trace."""
 
+import errno
+import os
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -52,6 +54,23 @@ def test_a_file_is_replaced_by_a_whole_one_or_stays(tmp_path, failure):
     with pytest.raises(failure) if failure else nullcontext():
         atomic_write(path, write)
     assert path.read_text() == ("old" if failure else "new")
+    assert everything(tmp_path) == {path}
+
+
+@pytest.mark.parametrize("code", [errno.EACCES, errno.ENOSPC, errno.EROFS, errno.EXDEV])
+def test_what_cannot_be_renamed_is_copied_unless_there_is_no_room(
+    tmp_path, monkeypatch, code
+):
+    def refuse(*_):
+        raise OSError(code, "cannot rename")
+
+    path = tmp_path / "plot.png"
+    path.write_text("old")
+    monkeypatch.setattr(os, "replace", refuse)
+    is_copied = code == errno.EXDEV
+    with nullcontext() if is_copied else pytest.raises(SimulationError):
+        atomic_write(path, lambda new: new.write_text("new"))
+    assert path.read_text() == ("new" if is_copied else "old")
     assert everything(tmp_path) == {path}
 
 
