@@ -220,7 +220,7 @@ def rectangle(
     """Make a rectangle [R] with a corner at (0, 0), of the material of a disk of
     `points` points.
 
-    Raises InputError if `min_spacing` is out of range or the rectangle is too small.
+    Raises InputError if `min_spacing` is out of range.
     """
     x = rectangle_points(
         np.random.default_rng([seed, 2]),

@@ -597,7 +597,7 @@ def test_an_address_without_a_scheduler_is_refused_soon(address, tmp_path, monke
         no_answer = f"no Dask scheduler answers at {at}"
         with pytest.raises(InputError, match=no_answer):
             run_sweep(load_sweep(SMALL), tmp_path / "out", executor=at)
-    assert time.monotonic() - began < 8.0
+    assert time.monotonic() - began < 25.0
     assert list(tmp_path.iterdir()) == []
 
 

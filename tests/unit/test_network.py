@@ -6,9 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from taichi_disk.errors import InputError
 from taichi_disk.lattice.lattice import triangulate
-from taichi_disk.lattice.network import bulk_moduli, inner_moduli, rectangle, stretch
+from taichi_disk.lattice.network import bulk_moduli, inner_moduli, stretch
 
 
 def test_perfect_triangular_lattice_has_the_textbook_moduli():
@@ -47,8 +46,3 @@ def test_moduli_scale_with_the_springs_and_not_with_the_number_of_points():
     assert few == pytest.approx(many, rel=0.05)
     # small disks have moduli, too
     assert bulk_moduli(3, 0, 1.0, 0.7).young == pytest.approx(1.1, abs=0.15)
-
-
-def test_a_strip_that_is_too_narrow_is_refused():
-    with pytest.raises(InputError, match="rows"):
-        rectangle(1099, 0, 0.7, 3.0, 0.05)
