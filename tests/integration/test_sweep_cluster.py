@@ -133,7 +133,7 @@ def test_an_interrupted_sweep_ends_at_once_and_says_so(scene, tmp_path, after, n
     os.killpg(process.pid, number)
     last = process.communicate(timeout=PATIENCE)[1].splitlines()[-1]
     assert process.returncode == 130
-    assert time.monotonic() - began < 10.0
+    assert time.monotonic() - began < 30.0
     assert not any(map(lives, computing))
     assert not (out / "points.csv").exists()
     assert last == "interrupted; finished scenes are kept: repeat the command to go on"
