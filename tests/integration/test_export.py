@@ -223,7 +223,10 @@ def test_xyz_is_lines_that_can_be_read_without_a_library(tmp_path):
     for name, expected in (
         ("pos", np.pad(x, ((0, 0), (0, 1)))),
         ("velo", np.pad(v, ((0, 0), (0, 1)))),
+        ("mass", LATTICE.masses[:, None]),
         ("masses", LATTICE.masses[:, None]),
+        ("momenta", LATTICE.masses[:, None] * np.pad(v, ((0, 0), (0, 1)))),
+        ("pressure", -0.5 * tensor(x)[:, :2].sum(axis=1, keepdims=True)),
         ("radius", np.full((n, 1), BALL)),
         ("contact_force", np.pad(true["contact_force"], ((0, 0), (0, 1)))),
         ("Stress", tensor(x)),
