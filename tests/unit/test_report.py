@@ -93,6 +93,9 @@ def test_the_screen_says_the_result_how_it_was_computed_and_how_long_that_took(c
         "seed 4 0.967234 ± 1.6e-5 (time step, this lattice only)",
         "contact time 4.123 R/c (this lattice only: another has no such result)",
     ]
+    gained = SUMMARY | {"gained_from": "vibration 3 %"}
+    print_result(gained, LABELS, Path("o"))
+    assert printed(capsys)[1] == "energy became flight: vibration 3 %"
     # An equilibrium has no step.
     newton = {"xi": 0.0150123456789, "steps": 7, "integrator": "newton"}
     newton["wall_clock"] = {"simulate": 0.1}
