@@ -55,9 +55,9 @@ def _has(path: Path, letter: str) -> bool:
         return False
 
 
-def lacking(text: str, bold: bool = False) -> str:
+def lacking(text: str) -> str:
     """Return the letters of `text` that its font lacks."""
-    path = _font_file(text, bold)
+    path = _font_file(text, bold=False)
     return "".join(letter for letter in text if not _has(path, letter))
 
 

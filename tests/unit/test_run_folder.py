@@ -14,7 +14,7 @@ import pytest
 from taichi_disk.config.tree import as_path
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.output.files import check_pictures
-from taichi_disk.output.run_folder import run_folder
+from taichi_disk.output.run_folder import refuse_run, run_folder
 
 SCENE = "scene: compression\nlattice:\n  points: 100         # number of points\n"
 OTHER = SCENE.replace("100", "200")
@@ -90,6 +90,10 @@ def test_the_same_scene_replaces_its_run(tmp_path):
         end(folder)
         assert content(out)["plot.png"] == "first"
     assert set(content(tmp_path)) == {"run/scene.yaml", "run/summary.json"}
+    with refused("run holds a run; choose another folder"):
+        refuse_run(out)
+    for other in (tmp_path, tmp_path / "new"):
+        refuse_run(other)
 
 
 def test_a_default_name_counts_on_past_other_runs_and_says_so(notices, tmp_path):
@@ -260,7 +264,7 @@ def test_a_file_that_comes_during_a_run_stays_and_the_run_is_kept(notices, tmp_p
 KILLED = """
 import os, shutil, sys
 from pathlib import Path
-from taichi_disk.output.run_folder import run_folder
+from taichi_disk.output.run_folder import refuse_run, run_folder
 moves = []
 def counted(move):
     def moved(old, *new, **options):
