@@ -1,0 +1,110 @@
+"""What a sandbox sends to its page, compared with a recording (see shown.py)."""
+
+import json
+import re
+
+import numpy as np
+from shown import check, digest, number
+
+from taichi_disk.window.session import HEADER, Session, read_command
+
+# what a user says, one after the other; None: time passes
+ACTS = (
+    {"do": "aim", "dx": 0.3, "dy": -0.6},
+    {"do": "throw"},
+    {"do": "turn", "angle": 0.5, "final": 0},
+    {"do": "turn", "angle": 0.5, "final": 1},
+    {"do": "set", "key": "material.eta_star", "value": 3.0},
+    {"do": "set", "key": "speed", "value": 20.0},
+    {"do": "set", "key": "video.draw", "value": "springs"},
+    {"do": "set", "key": "video.colour", "value": "force"},
+    {"do": "set", "key": "impact.velocity", "value": 3.0},
+    {"do": "press", "key": "y"},
+    {"do": "press", "key": "space"},
+    None,
+    {"do": "pull", "x": 0.2, "y": 2.4},
+    {"do": "press", "key": "space"},
+    {"do": "scrub", "t": 0.2},
+    {"do": "release"},
+    {"do": "rescale"},
+    {"do": "press", "key": "h"},
+    {"do": "press", "key": "r"},
+    {"do": "press", "key": "space"},
+    *12 * (None,),
+    {"do": "scrub", "t": 3.0},
+    {"do": "press", "key": "space"},
+    None,
+    {"do": "press", "key": "space"},
+    {"do": "set", "key": "video.colour", "value": "kinetic"},
+    {"do": "play", "number": 1},
+    {"do": "press", "key": "x"},
+    {"do": "play", "number": 2},
+    {"do": "set", "key": "compression.pressure", "value": 0.2},
+)
+
+
+def test_a_page_is_sent_what_is_recorded(common, request, monkeypatch):
+    monkeypatch.setattr("taichi_disk.window.sandbox.perf_counter", lambda: 0.0)
+    session = Session(common)
+    before = []
+    lines = []
+    for act in (None, *ACTS):
+        lines.append(json.dumps(act))
+        if act:
+            session.hear(read_command(json.dumps(act)))
+        session.advance()
+        if not act:
+            session.sandbox.advance(0.05, max_seconds=60.0)
+            session.advance()
+        found = list(told(session))
+        lines += [one for one in found if one not in before]
+        before = found
+    check("messages", lines, request.config.getoption("--record"))
+
+
+def told(session):
+    """Yield a line for each word and number of the session's present messages."""
+    for kind, message in session.messages.items():
+        if kind == "state":
+            size = HEADER.size
+            header = HEADER.unpack(message[:size])
+            yield f"  state {' '.join(map(number, header[1:]))}"
+            continue
+        content = json.loads(message)
+        if kind == "yaml":
+            values = re.sub(" +#.*", "", content["text"])
+            yield from (f"  yaml {line}" for line in values.splitlines())
+        else:
+            yield from flat(content, f"  {kind}")
+
+
+def flat(value, place):
+    """Yield a line for each part that has no parts itself."""
+    if isinstance(value, dict):
+        parts = value
+    elif isinstance(value, list) and not all(map(is_number, value)):
+        parts = dict(enumerate(value))
+    else:
+        yield f"{place}: {text_of(value)}"
+        return
+    nested = {name: one for name, one in parts.items() if isinstance(one, (dict, list))}
+    if not nested:
+        words = [f"{name} {text_of(one)}" for name, one in parts.items()]
+        yield f"{place}: {', '.join(words)}"
+        return
+    for name, each in parts.items():
+        yield from flat(each, f"{place}.{name}")
+
+
+def text_of(value):
+    if is_number(value):
+        return number(value)
+    if isinstance(value, list):
+        return digest(np.where(np.abs(value) < 1e-9, 0.0, value))  # no rounding errors
+    if isinstance(value, str) and len(value) > 80 and " " not in value:
+        return f"{len(value)} letters"
+    return repr(value)
+
+
+def is_number(value):
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
