@@ -167,7 +167,7 @@ def cues(
     paces = np.interp(places, number, whole)
     factor = float(whole.max() / whole.min())
     greatest = int(np.abs(times - peak).argmin())
-    if pause and 0 < greatest < moving - 1:
+    if 0 < greatest < moving - 1:
         times[greatest] = peak
     held = np.zeros(moving, dtype=int)
     held[0] += start

@@ -6,8 +6,9 @@ import pytest
 from bodies import SMALL, computed, driver_of, drivers_of, words
 from numpy.testing import assert_array_equal
 
+from taichi_disk.computation import driver
 from taichi_disk.computation.contact import greatest_compression
-from taichi_disk.computation.diagnostics import inverted_triangles
+from taichi_disk.computation.diagnostics import LostBalance, inverted_triangles
 from taichi_disk.errors import InputError
 from taichi_disk.scenes.impact import ImpactScenario
 
@@ -102,6 +103,16 @@ def test_the_end_of_a_hovering_rod_is_asked_a_few_times(kernels, monkeypatch, tm
     earlier = {name: values[[-3]] for name, values in driver.columns.items()}
     assert driver.scenario.time_to_end(driver.columns) == 0.0
     assert plain(driver.scenario, earlier) > 0.0
+
+
+def test_a_run_whose_balance_is_lost_fails_if_its_step_was_chosen(kernels, monkeypatch):
+    monkeypatch.setattr(driver, "unacceptable", lambda *_: "it is lost")
+    failed = driver_of(kernels, *IMPACT)
+    assert failed.advance() == "failed"
+    assert isinstance(failed.failure, LostBalance)
+    assert str(failed.failure) == "it is lost"
+    given = driver_of(kernels, *IMPACT, f"time.dt={failed.step.dt}")
+    assert given.advance() == "finished"
 
 
 def test_triangles_are_counted_over_the_whole_contact(kernels):
