@@ -537,7 +537,7 @@ def test_a_sandbox_begins_unmagnified_and_its_springs_have_their_own_values():
 def test_a_film_that_is_a_page(name, tmp_path, record):
     path = tmp_path / "film.html"
     run = invented(*RUNS[name])
-    look = video(fps=10, seconds=2, theme="dark", colour="strain")
+    look = video(fps=10, seconds=4.3, theme="dark", colour="strain")
     write_page(path, [run], look, silent, Span(start="contact", end="end"))
     head, data = packed(path)
     notes = list(of_json(head))

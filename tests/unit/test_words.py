@@ -6,11 +6,8 @@ import pytest
 from matplotlib import font_manager, get_data_path
 
 from taichi_disk.render.letters import Letters, lacking
-from taichi_disk.render.moments import Caption
 from taichi_disk.render.words import (
-    Title,
     label,
-    legend,
     round_below,
 )
 
@@ -27,19 +24,6 @@ def test_the_arrow_of_the_scale_stands_for_a_round_force(value):
     below = round_below(value)
     assert value / 2.5 < below <= value
     assert f"{below:.6e}"[:8] in ("1.000000", "2.000000", "5.000000")
-
-
-def test_the_widest_of_all_changing_words_decides_how_much_room_is_left():
-    title = Title("Impact on an elastic wall", ("v = 0.1 c", "η* = 0", "a = 300/R"))
-    narrow = Caption(4.35, lines=("t = 4.35 R/c", "+0.93 v"), result="e = 0.9672")
-    wide = Caption(0.0, lines=("before the disk touches the wall", "−0.78 v"))
-    letters = Letters(720)
-    blocks = [
-        legend(letters, 720, title, captions, True, 3)
-        for captions in ([wide, narrow], [narrow, wide], [narrow, wide, narrow])
-    ]
-    assert blocks[0].lines == blocks[1].lines == blocks[2].lines
-    assert blocks[0].lines != legend(letters, 720, title, [narrow], True, 3).lines
 
 
 def test_letters_that_the_font_lacks_come_from_a_font_of_the_system(monkeypatch):
