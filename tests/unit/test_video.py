@@ -77,6 +77,7 @@ def test_an_mp4_begins_with_its_index_and_has_key_pictures_and_the_colours_of_hd
     assert sys.getswitchinterval() == pytest.approx(0.005)  # Python's own
     data = path.read_bytes()
     assert data.index(b"moov") < data.index(b"mdat")  # browsers play while they load
+    assert b" threads=1 " in data  # other numbers give other bytes
     with av.open(str(path)) as film:
         stream = film.streams.video[0]
         pictures = list(film.decode(stream))
