@@ -2,7 +2,6 @@
 recordings (see shown.py)."""
 
 import pytest
-from shown import check
 
 from tests.staged import PAGES, played
 
@@ -11,6 +10,6 @@ FIREFOX = pytest.param("firefox", marks=pytest.mark.validate)
 
 @pytest.mark.parametrize("name", PAGES)
 @pytest.mark.parametrize("kind", ["chromium", FIREFOX])
-def test_a_page_draws_shows_and_sends_what_is_recorded(browsers, request, kind, name):
+def test_a_page_draws_shows_and_sends_what_is_recorded(browsers, record, kind, name):
     lines = played(browsers(kind), PAGES[name]())
-    check(name, lines, request.config.getoption("--record"))
+    record(name, lines)

@@ -4,7 +4,7 @@ import json
 import re
 
 import numpy as np
-from shown import check, digest, number
+from shown import digest, number
 
 from taichi_disk.window.session import HEADER, Session, read_command
 
@@ -43,7 +43,7 @@ ACTS = (
 )
 
 
-def test_a_page_is_sent_what_is_recorded(common, request, monkeypatch):
+def test_a_page_is_sent_what_is_recorded(common, record, monkeypatch):
     monkeypatch.setattr("taichi_disk.window.sandbox.perf_counter", lambda: 0.0)
     session = Session(common)
     before = []
@@ -59,7 +59,7 @@ def test_a_page_is_sent_what_is_recorded(common, request, monkeypatch):
         found = list(told(session))
         lines += [one for one in found if one not in before]
         before = found
-    check("messages", lines, request.config.getoption("--record"))
+    record("messages", lines)
 
 
 def told(session):
