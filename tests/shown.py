@@ -1,8 +1,8 @@
 """What pictures show, as text that is compared with a recording in tests/looks.
 
-`pytest --record tests/unit/test_looks.py tests/integration/test_pages_on_stage.py`
-writes the recordings anew; then read the differences (`git diff tests/looks`), and look
-at the pictures.
+`pytest --record FILE` writes the recordings of the tests in a file anew;
+CONTRIBUTING.md names these files. Then read the differences (`git diff tests/looks`),
+and look at the pictures.
 """
 
 from __future__ import annotations
