@@ -33,6 +33,7 @@ class Window(ti.ui.Window):
                 shaders.copy_into(Path(self._folder.name, "shaders"))
                 self.window = internals.native_window(ti, TITLE, size, *options)
             except (OSError, RuntimeError, TypeError):
+                self._folder.cleanup()
                 self.is_soft = False
         if not self.is_soft:
             super().__init__(TITLE, size, show_window=False, fps_limit=_MAX_RATE)
