@@ -8,7 +8,6 @@ import pytest
 import reference
 from bodies import SMALL, WALL, advance, computed
 from numpy.testing import assert_array_equal
-from pytest import approx
 
 from taichi_disk.computation.outcome import compute
 from taichi_disk.integrators import INTEGRATORS
@@ -61,8 +60,8 @@ def test_restitution_and_contact_time_equal_those_of_dop853(
     assert off < 2e-5
     assert off <= 1.5 * outcome.summary["error_estimate"]["restitution"] < 5e-5
     # The times of the reference have a resolution of 1/4000 of the run.
-    assert values["contact_time"] == approx(duration, abs=2 * end / 4000)
-    assert values["restitution"] == approx(
+    assert values["contact_time"] == pytest.approx(duration, abs=2 * end / 4000)
+    assert values["restitution"] == pytest.approx(
         outcome.series["com_vy"][-1] / velocity, abs=1e-5
     )
 
@@ -154,9 +153,9 @@ def test_the_disk_starts_out_of_the_walls_reach(scene):
     kinetic = 0.5 * lattice.masses[0] * np.sum(v**2)
     assert (v[:n] == [0.0, -scenario.velocity]).all()
     assert not v[n:].any()
-    assert kinetic == approx(0.5 * scenario.velocity**2)
+    assert kinetic == pytest.approx(0.5 * scenario.velocity**2)
     height = lattice.positions[:n, 1]
-    assert height.min() == approx(scenario.gap, rel=1e-12)
+    assert height.min() == pytest.approx(scenario.gap, rel=1e-12)
     if name == "absorbing_wall":
         height = lattice.positions[lattice.disk_surface, 1]
     wall = scenario.model.wall
@@ -185,7 +184,7 @@ def test_the_time_limit_allows_ten_contacts_with_a_soft_wall():
     # half a period of a mass M on the softer spring constant
     ten_contacts = 10.0 * np.pi * np.sqrt(1.0 / 1e-4)
     flight = 22.0 * (scenario.gap + scenario.shape.outline_depth) / 0.02
-    assert scenario.max_time == approx(ten_contacts + flight, rel=1e-12)
+    assert scenario.max_time == pytest.approx(ten_contacts + flight, rel=1e-12)
 
 
 def test_the_film_shows_the_whole_wall_and_the_path_of_the_disk():
@@ -194,11 +193,11 @@ def test_the_film_shows_the_whole_wall_and_the_path_of_the_disk():
         scenario = load_scene("absorbing_wall").with_(keys).scenario()
         bottom = scenario.lattice.positions[:, 1].min()
         edges = (-half - 0.05, half + 0.05, bottom - 0.05, 2.0 + scenario.gap)
-        assert scenario.view == approx(edges)
+        assert scenario.view == pytest.approx(edges)
     oblique = {"lattice.points": 60, "impact.angle": -0.5}
     scenario = load_scene("exponential_wall").with_(oblique).scenario()
     along = 3.0 * scenario.gap * np.tan(-0.5)
-    assert scenario.view == approx((along - 1.1, 1.1, -0.1, 2.0 + scenario.gap))
+    assert scenario.view == pytest.approx((along - 1.1, 1.1, -0.1, 2.0 + scenario.gap))
 
 
 def time_to_end(scenario, **values):
@@ -214,7 +213,7 @@ def test_a_soft_disk_that_vibrates_must_rise_by_its_amplitude():
     amplitude = np.sqrt(2.0 * vibration / 1e-2)
     row = {"com_vy": 0.01, "com_y": 2.0, "angular_momentum": 0.0}
     row |= {"kinetic": 0.5e-4 + vibration, "lowest_y": scenario.gap}
-    assert time_to_end(scenario, **row) == approx(amplitude / 0.01)
+    assert time_to_end(scenario, **row) == pytest.approx(amplitude / 0.01)
 
 
 def test_a_body_that_turns_fast_ends_no_sooner_than_its_corners_are_clear():
@@ -263,6 +262,6 @@ def assert_has_left(kernels, name, *settings):
     left = scenario.end_truncation_error(columns)
     # far from the wall
     before = np.sqrt(scenario.velocity**2 + 2.0 * columns["wall"][0])
-    assert later["com_vy"][-1] / before == approx(
+    assert later["com_vy"][-1] / before == pytest.approx(
         scenario.result(columns)["restitution"], abs=left + 1e-9
     )
