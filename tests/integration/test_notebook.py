@@ -98,16 +98,10 @@ def begin_anew() -> None:
         def plays() -> bool:
             return not panel()["paused"] and not panel()["atStart"]
 
-        def is_refused() -> bool:
-            return panel()["paused"] and "fast_math=False" in panel()["message"]
-
         await until(lambda: any(isinstance(one, bytes) for one in sent))
         say("press", key="space")
         await until(plays)
-        ti.init(arch=ti.cpu, default_fp=ti.f64)
-        await until(is_refused)
-        ti.init(arch=ti.cpu, default_fp=ti.f64, fast_math=False)
-        say("press", key="space")
+        ti.init(arch=ti.cpu)
         await until(lambda: "at the start again" in panel()["message"])
         say("press", key="space")
         await until(plays)
