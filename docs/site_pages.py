@@ -144,7 +144,7 @@ def first_screen(text: str) -> str:
     parts = [
         '<div class="first-screen" markdown>',
         f"<div markdown>\n\n{words.strip()}\n\n</div>",
-        frame(film, ""),
+        frame(film, "").replace('.html"', '.html#goal=0.9"'),
         f"</div>\n\n## {rest}",
     ]
     return "\n\n".join(parts)

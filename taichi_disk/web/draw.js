@@ -4,6 +4,7 @@
 // path: [[x, y], …] or nothing}.
 // `limit` is the value of full colour (for fringes: the stress difference of one fringe), and
 // `fullForce` is the force of an arrow of the length ARROW.
+// `written` is the limit in the legend, if it is another.
 // Without `path` the drawing remembers where the centre of mass was since `setScene`.
 
 import { Field } from "./field.js";
@@ -160,6 +161,7 @@ export class Drawing {
     const unmoved = options.outline || isMagnified ? this.unmoved(state.x) : null;
     const moved = (value, i) => unmoved[i] + options.magnify * (value - unmoved[i]);
     const x = isMagnified ? state.x.map(moved) : state.x;
+    if (isMagnified && scene.wall.kind === "rigid") this.keepAbove(x, state.x);
     const hasWall = scene.wall.kind !== "none";
 
     ctx.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
@@ -267,7 +269,7 @@ export class Drawing {
     ctx.fillText(text, px + 12, py);
   }
 
-  drawLegend({ limit, fullForce }, theme) {
+  drawLegend({ limit, written = limit, fullForce }, theme) {
     const { context: ctx, options, quantity, colours } = this;
     const { letters } = options;
     ctx.save();
@@ -277,7 +279,7 @@ export class Drawing {
       height: this.height / letters,
       theme,
       quantity,
-      limit,
+      limit: written,
       colours,
       scale: this.camera.scale / letters,
       force: options.forces && this.scene.wall.kind !== "none" ? fullForce : 0,
@@ -314,13 +316,14 @@ export class Drawing {
     return ink ? [{ mark: 0 }, { mark: 1, radius, ink }] : [{ mark: 0 }];
   }
 
-  // Return the undeformed disk at the place, height and angle of the disk at `x`. Points of the
-  // wall stay.
+  // Return the undeformed disk at the place and angle of the disk at `x`, with its lowest point at the
+  // same height or, for an `anchor` of 1, with its centre. Points of the wall stay.
   unmoved(x) {
     const { rest, disk_points: count } = this.scene;
     const out = x.slice();
     const [fromX, fromY] = centroid(rest, count);
-    const [toX] = centroid(x, count);
+    const [toX, toY] = centroid(x, count);
+    const { anchor = 0 } = this.options;
     const angle = rotation(rest, x, count);
     const cos = Math.cos(angle);
     const sin = Math.sin(angle);
@@ -334,8 +337,16 @@ export class Drawing {
       lift = Math.max(lift, -out[i + 1]);
       lowest = Math.min(lowest, x[i + 1]);
     }
-    for (let i = 1; i < 2 * count; i += 2) out[i] += lowest + lift;
+    const rise = lowest + lift + anchor * (toY - lowest - lift);
+    for (let i = 1; i < 2 * count; i += 2) out[i] += rise;
     return out;
+  }
+
+  // Lift magnified points out of a rigid wall, which ends where the lowest point is in truth.
+  keepAbove(x, actual) {
+    const heights = actual.filter((_, i) => i % 2);
+    const floor = heights.reduce((least, one) => Math.min(least, one), this.scene.wall.edge);
+    for (let i = 1; i < x.length; i += 2) x[i] = Math.max(x[i], floor);
   }
 
   // Add the present place of the centre of mass to its path.

@@ -3,6 +3,7 @@ shows the computed data."""
 
 from __future__ import annotations
 
+import json
 import re
 import time
 from collections.abc import Callable, Iterator
@@ -14,6 +15,7 @@ from programs import packed
 from taichi_disk import api, load_scene
 from taichi_disk.cli import main
 from taichi_disk.fields import QUANTITIES, Triangles, at_points
+from taichi_disk.web.drawing import FILM, bundle
 from tests.browser import Browser
 
 
@@ -360,3 +362,71 @@ def test_on_a_screen_of_any_size_no_text_is_small_and_nothing_scrolls_sideways(
     assert cut <= 0
     time.sleep(0.2)
     assert browser.script(STRETCHED) == 0
+
+
+# ---- a film that is thrown again
+
+
+def throwable(**changes):
+    """Return a scene that pages throw again, and that `run` steps as pages do."""
+    settings = ["lattice.points=100", "time.integrator=velocity_verlet"]
+    film = ["impact.velocity=0.05", "video.seconds=2", "video.fps=10"]
+    return load_scene("exponential_wall", [*settings, *film]).with_(changes)
+
+
+@pytest.fixture(scope="module")
+def thrown(tmp_path_factory):
+    """Return a film that its page throws."""
+    path = tmp_path_factory.mktemp("thrown") / "film.html"
+    return api.run(throwable(), lattices=1).film(path)
+
+
+# speeds and viscosities; the last ones are slow, or fast with strong dashpots
+THROWS = [(0.02, 10.0), (0.1, 0.0), (0.2, 40.0), (0.005, 50.0)]
+# Every page computes with this: e, steps, contact time.
+COMPUTE = """
+const films = FILMS;
+window.found = films.flatMap(({ scene, again, throws }) => {
+  const drawn = { springs: decoded(scene.springs, Uint32Array),
+    triangles: decoded(scene.triangles, Uint32Array) };
+  return throws.map(([v, eta]) => {
+    const one = thrown(diskOf(again, drawn), v, eta, again.top);
+    const { moments, rows, end, dt, restitution } = one;
+    return [restitution, Math.round(rows[end].t / dt), moments[2] - moments[0]];
+  });
+});"""
+
+
+@pytest.mark.parametrize(
+    "kind", ["chromium", pytest.param("firefox", marks=pytest.mark.validate)]
+)
+def test_a_page_steps_as_velocity_verlet_does(browsers, thrown, kind, tmp_path):
+    films = []
+    expected = []
+    for changes in (
+        {},
+        {"lattice.points": 160, "lattice.seed": 3},
+        {"lattice.hole": 0.4, "lattice.core_radius": 0.6, "lattice.core_density": 3.0},
+    ):
+        scene = throwable(**changes)
+        film, _ = packed(api.run(scene, lattices=1).film(tmp_path / "film.html"))
+        again = film["again"]
+        films.append(
+            {"scene": film["runs"][0]["scene"], "again": again, "throws": THROWS}
+        )
+        for v, eta in THROWS:
+            one = scene.with_({"impact.velocity": v, "material.eta_star": eta})
+            summary = api.run(one, lattices=1).summary
+            names = ("restitution", "steps", "contact_time")
+            expected.append([summary[name] for name in names])
+    modules = bundle(*FILM[:-1]) + COMPUTE.replace("FILMS", json.dumps(films))
+    page = tmp_path / "page.html"
+    page.write_text(f"<meta charset=utf-8><script type=module>{modules}</script>")
+    browser = browsers(kind)
+    browser.driver.get(page.as_uri())
+    text = browser.wait(lambda: browser.script("return JSON.stringify(window.found)"))
+    found = np.array(json.loads(text))
+    expected = np.array(expected)
+    assert found[:, 0] == pytest.approx(expected[:, 0], abs=1e-10)
+    assert found[:, 2] == pytest.approx(expected[:, 2], abs=1e-8)
+    assert (found[:, 1] == expected[:, 1]).sum() >= len(expected) - 1
