@@ -36,15 +36,19 @@ const fixed = (value) => value.toFixed(2).replace("-", "−").replace("−0.00",
 const signed = (value) => (value >= 0.005 ? `+${fixed(value)}` : fixed(value));
 
 // Return the disk that a film's message describes; `scene`: of its drawing.
-export function diskOf(message, { springs, triangles }) {
+export function diskOf(message, { springs, triangles, outline }) {
   const positions = decoded(message.positions, Float64Array);
   const masses = decoded(message.masses, Float64Array);
-  const place = (i) => [positions[2 * i], positions[2 * i + 1]];
-  const rest = Float64Array.from({ length: springs.length / 2 }, (_, k) => {
-    const [[ax, ay], [bx, by]] = [place(springs[2 * k]), place(springs[2 * k + 1])];
-    return Math.sqrt((ax - bx) ** 2 + (ay - by) ** 2);
-  });
-  const disk = { ...message, springs, triangles, positions, masses, rest };
+  const distance = (i, j) =>
+    Math.sqrt(
+      (positions[2 * i] - positions[2 * j]) ** 2 + (positions[2 * i + 1] - positions[2 * j + 1]) ** 2,
+    );
+  const rest = new Float64Array(springs.length / 2).map((_, k) =>
+    distance(springs[2 * k], springs[2 * k + 1]),
+  );
+  const chord = largest([...outline].map((i, k) => distance(i, outline.at(k - 1))));
+  const [heaviest, lightest] = [Math.max(...masses), Math.min(...masses)];
+  const disk = { ...message, springs, triangles, positions, masses, rest, chord, heaviest, lightest };
   return { ...disk, colours: new Colours(disk) };
 }
 
@@ -52,22 +56,20 @@ export function diskOf(message, { springs, triangles }) {
 export class Again {
   constructor(disk, film, v, etaStar) {
     const began = performance.now();
-    const flight = thrown(disk, v, etaStar, disk.top);
-    const duration = performance.now() - began;
+    const flight = thrown(disk, v, etaStar);
+    this.duration = performance.now() - began;
     const [first] = flight.states;
     const start = Math.min((flight.gap - disk.top) / v, -1e-6);
     const moved = first.x.map((one, i) => one - (i % 2) * v * start);
-    const states = [{ ...first, t: start, y: first.y - v * start, x: moved }, ...flight.states];
-    Object.assign(this, { disk, flight, duration, v, states, limits: {} });
-    this.times = states.map(({ t }) => t);
+    this.states = [{ ...first, t: start, com_y: first.com_y - v * start, x: moved }, ...flight.states];
+    this.times = this.states.map(({ t }) => t);
+    Object.assign(this, { disk, flight, v, limits: {}, moments: flight.moments });
     this.end = flight.rows[flight.end].t;
-    this.moments = flight.moments;
     this.centre = disk.masses.reduce((sum, m, i) => sum + m * first.x[2 * i], 0);
     // Pictures lie between the moments of the contact as those of the film that was packed.
-    const [times, recorded] = [this.times, film.times];
-    const from = [recorded[0], ...disk.moments, recorded.at(-1)];
-    const to = [start, ...this.moments, times.at(-1)];
-    this.pictures = film.cues.map((k) => mapped(recorded[k], from, to));
+    const from = [film.times[0], ...disk.moments, film.times.at(-1)];
+    const to = [start, ...this.moments, this.times.at(-1)];
+    this.pictures = film.cues.map((k) => mapped(film.times[k], from, to));
     this.cues = this.pictures.map((t) => this.place(t));
     this.fit();
     this.curves = disk.curves.map((curve) => this.measured(curve)).filter(Boolean);
@@ -80,60 +82,60 @@ export class Again {
   // Return the place of a time in the list of states.
   place(t) {
     const { times } = this;
-    if (t < 0) return 1 - t / times[0];
-    return Math.min(1 + t / times[2], times.length - 1);
+    return t < 0 ? 1 - t / times[0] : Math.min(1 + t / times[2], times.length - 1);
+  }
+
+  at(t) {
+    return this.states[Math.round(this.place(t))];
   }
 
   // Choose what fits the state of the greatest compression.
   fit() {
-    const { disk, flight, states } = this;
-    const { a, V0 } = disk;
-    const flattest = states[Math.round(this.place(this.moments[1]))];
+    const { disk, flight, states, moments } = this;
+    const { a, V0, colours } = disk;
+    const flattest = this.at(moments[1]);
     const force = a * V0 * Math.exp(-a * flattest.lowest);
     this.edge = Math.max(Math.log((a * V0) / force) / a, 0);
     this.fullForce = roundNear(Math.max(force, flight.peakForce / LONGEST_FORCE));
-    const flattening = states[1].y - states[1].lowest - (flattest.y - flattest.lowest);
+    const flattening = states[1].com_y - states[1].lowest - (flattest.com_y - flattest.lowest);
     const factor = roundNear(FLATTENING / Math.max(flattening, FLATTENING / MOST_MAGNIFIED));
-    this.magnify = disk.magnify ?? Math.max(factor, 1);
-    this.folded = disk.colours.folded(flattest.x);
+    this.magnify = disk.magnify === "auto" ? Math.max(factor, 1) : disk.magnify;
+    this.folded = colours.folded(flattest.x);
     // The ringing becomes as large as the greatest compression.
-    const later = states.filter(({ t }) => t >= this.moments[2]);
+    const later = states.filter(({ t }) => t >= moments[2]);
     const left = later.reduce((sum, { elastic }) => sum + elastic, 0) / later.length;
     const stronger = Math.sqrt(flattest.elastic / left);
     this.ringing = stronger < DAMPED ? Math.min(Math.floor(stronger), MOST_RINGING) : 1;
   }
 
   // Return a curve with its values, or nothing for an energy that cannot be seen.
-  measured({ panel, column, ...curve }) {
-    const { states, v } = this;
-    const values = states.map((one) => one[column] / (panel ? 1 : v));
-    const isSeen = panel < 2 || largest(values) > VISIBLE_ENERGY * states[0].total;
-    return isSeen && { panel, run: 0, values, ...curve };
+  measured([panel, column, name, colours]) {
+    const values = this.states.map((one) => one[column] / (panel ? 1 : this.v));
+    const isSeen = panel < 2 || largest(values) > VISIBLE_ENERGY * this.states[0].total;
+    return isSeen && { panel, run: 0, values, name, colours };
   }
 
   words({ fps, runs }) {
-    const { pictures, flight, v, cues, states, moments } = this;
+    const { pictures, flight, v } = this;
     const paces = pictures.map((t, k) => fps * ((pictures[k + 1] ?? t) - t));
     paces.forEach((pace, k) => (paces[k] = pace || paces[k - 1] || paces.find((one) => one)));
     const slowest = Math.min(...paces);
     const slow = `    slow motion, ${Math.round(Math.max(...paces) / slowest)} times`;
+    const result = `*e = ${flight.restitution.toFixed(3)}`;
     return pictures.map((t, k) => [
       t < 0 ? "before t = 0" : `t = ${fixed(t)} R/c`,
-      `+${signed(states[Math.round(cues[k])].vy / v)} v`,
-      t < moments[2]
-        ? runs[0].captions[k].at(-2).replace(/^\*.*/, "")
-        : `*e = ${flight.restitution.toFixed(3)}`,
-      `1 s = ${Number(paces[k].toPrecision(2))} R/c${paces[k] < SLOW_PACE * slowest ? slow : ""}`,
+      `+${signed(this.at(t).com_vy / v)} v`,
+      t < this.moments[2] ? runs[0].captions[k].at(-2).replace(/^\*.*/, "") : result,
+      `1 s = ${digits(paces[k], 2)} R/c${paces[k] < SLOW_PACE * slowest ? slow : ""}`,
     ]);
   }
 
   // Return the end of the colour scale.
   limit(quantity) {
-    const { disk, states, moments } = this;
-    const [first, last] = moments.map((t) => this.place(t));
+    const [first, last] = this.moments;
     const sizes = Array.from({ length: SCALE_STATES }, (_, k) => {
-      const { x, v } = states[Math.round(first + ((last - first) * k) / (SCALE_STATES - 1))];
-      const values = disk.colours.of(quantity, x, v).map(Math.abs).sort();
+      const { x, v } = this.at(first + ((last - first) * k) / (SCALE_STATES - 1));
+      const values = this.disk.colours.of(quantity, x, v).map(Math.abs).sort();
       return values[Math.floor(FULL_COLOUR * (values.length - 1))];
     });
     return roundNear(Math.max(...sizes) / (quantity === "fringes" ? FRINGES : 1));
@@ -147,22 +149,19 @@ export class Again {
     const [one, next] = [states[k], states[Math.min(k + 1, states.length - 1)]];
     const mixed = (from, to) => from + (place - k) * (to - from);
     const [x, v] = ["x", "v"].map((name) => one[name].map((from, i) => mixed(from, next[name][i])));
-    const y = mixed(one.y, next.y);
-    const forces = [];
-    for (let i = 0; i < x.length; i += 2) {
-      const force = a * V0 * Math.exp(-a * x[i + 1]);
-      if (force > LEAST_FORCE * fullForce) forces.push(i / 2, 0, force);
-    }
+    const y = mixed(one.com_y, next.com_y);
+    const force = (i) => a * V0 * Math.exp(-a * x[2 * i + 1]);
+    const pushed = [...disk.masses.keys()].filter((i) => force(i) > LEAST_FORCE * fullForce);
     return {
       t: place,
       x,
       values: disk.colours.of(quantity, x, v),
       limit: (limits[quantity] ??= this.limit(quantity)),
-      forces,
+      forces: pushed.flatMap((i) => [i, 0, force(i)]),
       fullForce,
-      path: [...states.slice(0, k + 1).map((each) => [centre, each.y]), [centre, y]],
+      path: [...states.slice(0, k + 1).map((each) => [centre, each.com_y]), [centre, y]],
       row: { com_x: centre, com_y: y },
-      velocity: [0, mixed(one.vy, next.vy) / this.v],
+      velocity: [0, mixed(one.com_vy, next.com_vy) / this.v],
     };
   }
 }

@@ -84,7 +84,7 @@ def write_page(
     rate = fps * frames / max(wanted, 1)  # cues in a second
     again = None
     if len(runs) == 1 and span == WHOLE:
-        again = throwable(flights[0])
+        again = throwable(flights[0], video)
     packed = _packed(states, shots, video, names, rate, again, progress)
     text = Template(source("film.html")).substitute(
         title=escape(" | ".join(title[0] for title in names)),
@@ -110,8 +110,6 @@ def _packed(
 
     `again`: the disk that the page throws itself, instead of recorded states.
     """
-    if again:
-        again["magnify"] = None if video.magnify == "auto" else video.magnify
     common = Scales.of(states, video.magnify)
     video = replace(video, magnify=common.magnify)
     shared = {"view": common.view, "full_force": common.full_force}

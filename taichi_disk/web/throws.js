@@ -11,41 +11,50 @@ const VERDICTS = [
   [0.01, "★★ So close!"],
   [0.03, "★ Near."],
 ];
+const NUMBERS = [
+  { key: "v", name: "speed v", unit: "c", of: "impact.velocity" },
+  { key: "eta", name: "viscosity η*", unit: "", of: "material.eta_star" },
+];
 // what a row of results.js has beside a throw's numbers
 const ROW = { result: "e", wall: null, a: null, points: null, angle: 0, spin: 0, friction: 0 };
 
+// Return the numbers in an address.
+function numbersOf(address) {
+  const words = new URLSearchParams(address.slice(address.indexOf("#") + 1));
+  return Object.fromEntries([...words].map(([key, text]) => [key, parseFloat(text)]));
+}
+
 export class Throws {
+  rows = [];
+
   // `take` is called with each throw, which the film then shows
   constructor(ui, film, scene, take) {
-    Object.assign(this, { ui, film, take, goal: NaN, rows: [], wanted: {} });
-    this.disk = diskOf(film.again, scene);
-    this.numbers = film.again.numbers;
-    for (const { key, value } of this.numbers) this.wanted[key] = value;
+    const { sliders, velocity, eta_star } = film.again;
+    Object.assign(this, { ui, film, take, disk: diskOf(film.again, scene) });
+    this.wanted = { v: velocity, eta: eta_star };
+    this.numbers = NUMBERS.map(({ of, ...one }) => {
+      const all = [...sliders[of], this.wanted[one.key]];
+      return { ...one, low: Math.min(...all), high: Math.max(...all) };
+    });
+    const tell = (text) => (ui.told.textContent = text);
     this.sliders = new Controls(
       () => ui.numbers,
-      (key, value) => {
-        this.want({ [key]: value });
-        ui.told.textContent = "";
-      },
-      (text) => (ui.told.textContent = text),
+      (key, value) => this.want({ [key]: value }),
+      tell,
     );
     ui.throws.hidden = ui.list.hidden = false;
     document.querySelector("main").classList.add("throws");
     ui.throw.onclick = () => {
       this.throw();
-      if (location.protocol !== "about:") history.replaceState(null, "", this.link(this.wanted));
+      if (location.protocol !== "about:") history.replaceState(null, "", this.link);
     };
-    ui.link.onclick = () => this.say(copy(this.address), "Copied: open it anywhere, or send it.");
-    ui.copy.onclick = () => this.say(copy(asText(ui.table, "\t")), "The table is copied.");
+    const page = location.protocol === "about:" ? "" : location.href.split("#")[0];
+    ui.link.onclick = () => copy(page + this.link).then(() => tell("Copied: send it, or open it."));
+    ui.copy.onclick = () => copy(asText(ui.table, "\t"));
     ui.addresses.onchange = () => this.collect();
     ui.list.ontoggle = () => this.showList();
     window.onhashchange = () => this.obey();
     this.obey();
-  }
-
-  async say(done, text) {
-    await done;
-    this.ui.told.textContent = text;
   }
 
   // Take numbers, as far as the sliders go.
@@ -56,26 +65,17 @@ export class Throws {
     }
     const live = { meaning: "of the throw", live: true };
     this.sliders.show(this.numbers.map((one) => ({ ...one, ...live, value: this.wanted[one.key] })));
+    this.ui.told.textContent = "";
   }
 
-  // Return the numbers in an address.
-  read(address) {
-    const words = new URLSearchParams(address.slice(address.indexOf("#") + 1));
-    return Object.fromEntries([...words].map(([key, text]) => [key, text ? Number(text) : NaN]));
-  }
-
-  // Return the end of the address of a throw.
-  link({ v, eta }) {
-    return `#${new URLSearchParams(this.goal ? { v, eta, goal: this.goal } : { v, eta })}`;
-  }
-
-  get address() {
-    const here = location.protocol === "about:" ? "" : location.href.split("#")[0];
-    return here + this.link(this.wanted);
+  // The end of the address of a throw.
+  get link() {
+    const { wanted, goal } = this;
+    return `#${new URLSearchParams(goal ? { ...wanted, goal } : wanted)}`;
   }
 
   obey() {
-    const said = this.read(location.hash);
+    const said = numbersOf(location.hash);
     this.goal = said.goal > 0 && said.goal <= 1 ? said.goal : NaN;
     this.want(said);
     this.throw();
@@ -84,32 +84,26 @@ export class Throws {
   // Return the throw with these numbers, and write it into the table.
   thrown({ v, eta }) {
     const one = new Again(this.disk, this.film, v, eta);
-    const { flight, moments } = one;
-    const contact_time = moments[2] - moments[0];
-    const row = { ...ROW, load: v, eta_star: eta, value: flight.restitution, contact_time };
+    const row = { ...ROW, load: v, eta_star: eta };
     const isKnown = this.rows.some((old) => old.load === v && old.eta_star === eta);
-    if (!isKnown) this.rows.push(row);
+    if (!isKnown) this.rows.push({ ...row, value: one.flight.restitution });
     return one;
   }
 
   throw() {
-    const { ui, wanted } = this;
+    const { told } = this.ui;
     try {
-      const one = this.thrown(wanted);
+      const one = this.thrown(this.wanted);
       this.take(one);
-      this.tell(one);
+      const { flight, folded, duration } = one;
+      const steps = Math.round(flight.rows[flight.end].t / flight.dt).toLocaleString("en");
+      const e = `e = ${flight.restitution.toFixed(10)}, as run with velocity_verlet`;
+      told.textContent = `${steps} steps in ${Math.round(duration)} ms: ${e}`;
+      if (folded) told.textContent = `${folded} triangles turned inside out: e means nothing. Throw slower.`;
     } catch (error) {
-      ui.told.textContent = error.message;
+      told.textContent = error.message;
     }
-  }
-
-  // Say what the throw on display has needed, and what is wrong with it.
-  tell({ flight, folded, duration }) {
-    const steps = Math.round(flight.rows[flight.end].t / flight.dt);
-    const work = `${steps.toLocaleString("en")} steps in ${Math.round(duration)} ms`;
-    const exact = `e = ${flight.restitution.toFixed(10)}, as run with velocity_verlet`;
-    const warning = `${folded} triangles turned inside out: this e is meaningless. Throw slower.`;
-    this.ui.told.textContent = folded ? warning : `${work}: ${exact}`;
+    this.showList();
   }
 
   // Show the task, and after the throw how near it came.
@@ -124,30 +118,28 @@ export class Throws {
   // Throw what the pasted addresses say, one after the other, so that the page stays alive.
   async collect() {
     const { ui, numbers } = this;
-    const lines = ui.addresses.value.split("\n").filter((line) => line.trim());
-    const faults = [];
-    for (const line of lines) {
-      const said = this.read(line.trim());
+    const lines = ui.addresses.value.split("\n").map((line) => line.trim());
+    ui.addresses.value = ui.faults.textContent = "";
+    for (const line of lines.filter(Boolean)) {
+      const said = numbersOf(line);
       const isThrow = numbers.every(({ key, low, high }) => said[key] >= low && said[key] <= high);
       try {
-        if (!isThrow) throw new Error("no address of a throw of this disk");
+        if (!isThrow) throw new Error("not the address of a throw of this disk");
         this.thrown(said);
       } catch (error) {
-        faults.push(`${line.trim().slice(0, 60)}: ${error.message}`);
+        ui.faults.append(`${line.slice(0, 60)}: ${error.message}\n`);
       }
-      await new Promise((done) => setTimeout(done));
       this.showList();
+      await new Promise((done) => setTimeout(done));
     }
-    ui.addresses.value = "";
-    ui.faults.textContent = faults.join("\n");
   }
 
   showList() {
     const { ui, rows, numbers } = this;
     if (!ui.list.open) return;
     showResults(ui.table, rows, false);
-    const [{ low, high }] = numbers;
     const title = "restitution e over the speed v [c]";
-    showDiagram(ui.diagram, ui.curve, rows, { title, range: [low, high], fitted: false });
+    const range = [numbers[0].low, numbers[0].high];
+    showDiagram(ui.diagram, ui.curve, rows, { title, range, fitted: false });
   }
 }
