@@ -35,20 +35,20 @@ PARTS = ("ground", "ink", "faint", "wall", "arrow", "velocity", "rule")
 
 
 def colours():
-    """Yield the name of each colour of pictures, and its values on light and dark
-    ground."""
+    """Yield the name of each colour of pictures, and its hexadecimal values on light and
+    dark ground."""
     light, dark = THEMES.values()
     for name in PARTS:
         yield name, to_hex(getattr(light, name)), to_hex(getattr(dark, name))
     curves = {column.colour: column.label for column in COLUMNS if column.colour}
     for value, other in ON_DARK.items():
-        yield curves.get(value, value), value.lower(), other.lower()
+        yield f"curve of {curves.get(value, 'force')}", value.lower(), other.lower()
 
 
 NAMES = {}
 for part, *values in colours():
     for ground, value in zip(THEMES, values, strict=True):
-        NAMES.setdefault(value, f"{part} of {ground}")
+        NAMES.setdefault(value, f"{part} on {ground}")
 
 
 def _named(found):
