@@ -155,15 +155,15 @@ def numbers(values):
     return " ".join(number(one) for one in np.ravel(values))
 
 
-def of_lines(lines, letters):
+def of_lines(lines, letters, larger=0.0):
     """Yield the words of a picture: their text, face and colour, the column to which
     they are aligned [px] and by which part of them, and how far below the line before
-    they stand, over the size of the larger letters."""
+    they stand, over the size of the larger letters. `larger`: letters to which the
+    first line makes room."""
     faces = {}
     for name in ("heading", "motion", "text", "small"):
         faces.setdefault(getattr(letters, name).size, name)
     above = letters.margin
-    larger = 0.0
     for line in lines:
         size = line.face.size
         face = faces.get(size) or f"{size / letters.heading.size:.2f} headings"
