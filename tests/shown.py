@@ -213,13 +213,13 @@ def _of_axes(ax: Axes):
             for one, place in zip(shown, places, strict=False)
             if low <= place <= high and "$" not in one.get_text()
         ]
-        bounds = numbers([low, high])
-        yield f"  {name} {axis.get_scale()} {bounds} ticks {ticks}"
-        if axis.label.get_text():
-            yield "  " + _of_text(f"{name} label", axis.label)
+        text = f"  {name} {axis.get_scale()} {numbers([low, high])} ticks {ticks}"
         grid = [line for line in axis.get_gridlines() if line.get_visible()]
         for line in grid[:1]:
-            yield f"  grid {to_hex(line.get_color())} {line.get_linewidth():.3g}"
+            text += f" grid {to_hex(line.get_color())} {line.get_linewidth():.3g}"
+        yield text
+        if axis.label.get_text():
+            yield "  " + _of_text(f"{name} label", axis.label)
     titles = [ax.get_title(where) for where in ("left", "center", "right")]
     for text in ax.findobj(Text):
         if text.get_text() in filter(None, titles):
@@ -277,6 +277,6 @@ def _of_legend(legend: Legend):
     places = np.array([text.get_window_extent().min for text in texts])
     columns = len(np.unique(places[:, 0].round()))
     first = points(legend.figure, places[0])
-    yield f"  legend {columns} columns from {first} letter {texts[0].get_size():.3g}"
-    for text in texts:
-        yield f"    {text.get_text()!r} {to_hex(text.get_color())}"
+    words = [f"{text.get_text()!r} {to_hex(text.get_color())}" for text in texts]
+    letter = f"{texts[0].get_size():.3g}"
+    yield f"  legend {columns} columns from {first} letter {letter}: {', '.join(words)}"
