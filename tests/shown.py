@@ -35,8 +35,8 @@ PARTS = ("ground", "ink", "faint", "wall", "arrow", "velocity", "rule")
 
 
 def colours():
-    """Yield the name of each colour of pictures, and its hexadecimal values on light and
-    dark ground."""
+    """Yield the name of each colour of pictures, and its values on light and on dark
+    ground."""
     light, dark = THEMES.values()
     for name in PARTS:
         yield name, to_hex(getattr(light, name)), to_hex(getattr(dark, name))

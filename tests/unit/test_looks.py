@@ -271,7 +271,7 @@ def test_a_film(name, tmp_path, monkeypatch, record):
     film.draw_film(tmp_path / "film", runs, look, silent, artist=artist)
     notes += texts
     for path in sorted((tmp_path / "film").iterdir()):
-        notes += [path.name, *of_picture(np.asarray(Image.open(path)), 4)]
+        notes += [path.stem, *of_picture(np.asarray(Image.open(path)), 4)]
     for scene in panels:
         notes += [f"panel {scene.size} {scene.letter} {scene.labels}", digest(scene.t)]
         for curve in scene.curves:
