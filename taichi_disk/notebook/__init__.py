@@ -8,7 +8,6 @@ import json
 import re
 from collections.abc import Sequence
 from functools import partial
-from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +17,9 @@ from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import SANDBOX, bundle, source
 from taichi_disk.window.app import list_presets
-from taichi_disk.window.audience import Audience, Message, Page
+from taichi_disk.window.page import Message, Page
 from taichi_disk.window.sandbox import Experiment
-from taichi_disk.window.session import Common
+from taichi_disk.window.session import Session
 
 try:
     import traitlets
@@ -54,14 +53,11 @@ class Sandbox(AnyWidget):
         """
         # `close` is called even if the scene is refused
         self._views: dict[float, Page] = {}
-        self._running: asyncio.Task[None] | None = None
         runtime.start()
         self._loop = asyncio.get_running_loop()
         first = scene if isinstance(scene, Scene) else load_scene(scene, overrides)
-        common = Common(list_presets(first), KernelCache())
-        self._audience = Audience(common, keep_time=inf)
-        self._seat = self._audience.seat()
-        self._session = self._seat.session
+        with runtime.alone():
+            self._session = Session(list_presets(first), KernelCache())
         (page,) = re.findall(r"<main.*</main>", source("index.html"), re.DOTALL)
         constants = (
             f"const PAGE = {json.dumps(page)}, STYLE ="
@@ -80,18 +76,13 @@ class Sandbox(AnyWidget):
         """Handle a message from a view: it opens or closes, or sends a command as a
         page does."""
         name = message.pop("visitor")
-        visitor = self._views.get(name)
+        view = self._views.get(name)
         if message["do"] == "open":
-            self._views[name] = self._audience.join(
-                partial(self._show, name), key=self._seat.key
-            )
-        elif visitor and message["do"] == "close":
-            self._audience.leave(self._views.pop(name))
-        elif visitor:
-            self._audience.hear(visitor, json.dumps(message))
-        # an interrupt of the notebook's kernel may have ended the task
-        if self._views and (self._running is None or self._running.done()):
-            self._running = asyncio.create_task(self._audience.run())
+            self._views[name] = Page(self._session, partial(self._show, name))
+        elif view and message["do"] == "close":
+            self._views.pop(name).leave()
+        elif view:
+            view.hear(json.dumps(message))
 
     def _show(self, name: float, message: Message) -> None:
         """Send a text or a state to one view."""
@@ -103,9 +94,7 @@ class Sandbox(AnyWidget):
     def close(self) -> None:
         """End the sandbox in all its views."""
         while self._views:
-            self._audience.leave(self._views.popitem()[1])
-        if self._running:
-            self._running.cancel()
+            self._views.popitem()[1].leave()
         super().close()
 
     @property
