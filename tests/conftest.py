@@ -9,7 +9,6 @@ SANDBOX = {
     "test_hostile_visitors",
     "test_messages",
     "test_mouse_spring",
-    "test_notebook",
     "test_page",
     "test_page_look",
     "test_pages",

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from time import perf_counter
 from typing import Any
 
-from taichi_disk.runtime import alone
 from taichi_disk.window.controls import described
 from taichi_disk.window.films import make_film
 from taichi_disk.window.session import Session, read_command
@@ -20,8 +19,8 @@ _MAX_IN_FLIGHT = 2  # states that were sent to a page and not yet drawn
 
 
 class Page:
-    """A page that shows a session, or a view of a notebook's widget, from now on until
-    it leaves. A session may have several, if a tab was duplicated."""
+    """A page that shows a session from now on until it leaves. A session may have
+    several, if a tab was duplicated."""
 
     def __init__(self, session: Session, send: Callable[[Message], None]) -> None:
         """`send` sends a text or a state to the page."""
@@ -55,8 +54,6 @@ class Page:
         else:
             self._session.hear(message)
         self._session.news.set()
-        if self._playing.done():  # an interrupt of a notebook's kernel has ended it
-            self._playing = asyncio.create_task(self._play())
 
     async def _play(self) -> None:
         """Let the session go on as long as the page draws."""
@@ -75,8 +72,7 @@ class Page:
         the state as the last; return whether there are any."""
         session = self._session
         if session.is_busy:
-            with alone():  # another thread may compute
-                session.advance()
+            session.advance()
         news = {
             kind: message
             for kind, message in session.messages.items()

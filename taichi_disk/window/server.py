@@ -45,8 +45,7 @@ class Sessions:
         self._known = {"": self._new()}  # for the first page
 
     def _new(self) -> Session:
-        with alone():
-            return Session(self._playlist, self._kernels)
+        return Session(self._playlist, self._kernels)
 
     def find(self, key: str) -> Session:
         """Return the session with this key, or a new one; the last ones are kept."""
@@ -64,7 +63,7 @@ class Sessions:
             await asyncio.sleep(QUIET_TIME)
             while any(one.is_busy for one in self._known.values()):
                 await asyncio.sleep(QUIET_TIME)
-            with alone(), suppress(TaichiDiskError):
+            with suppress(TaichiDiskError):
                 Timeline(start_of(entry.load()), self._kernels)
 
 
@@ -92,7 +91,8 @@ def serve(
     if open_browser:
         # A browser in the foreground returns when it is closed.
         Thread(target=webbrowser.open, args=[address], daemon=True).start()
-    asyncio.run(run(sessions, token, listening))
+    with alone():
+        asyncio.run(run(sessions, token, listening))
 
 
 def _listen(host: str, port: int) -> socket.socket:

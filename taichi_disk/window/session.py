@@ -16,8 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk import engine, runtime
-from taichi_disk.errors import TaichiDiskError
 from taichi_disk.fields import Triangles
 from taichi_disk.simulation.observables import INDEX
 from taichi_disk.simulation.simulation import KernelCache
@@ -99,7 +97,6 @@ class Session:
     def __init__(self, playlist: list[Preset], kernels: KernelCache) -> None:
         """Begin with the first scene of the list. Raises TaichiDiskError if the scene
         cannot be built."""
-        self._program = engine.program()
         self.sandbox = Sandbox(playlist[0].load(), kernels)
         self.controls = Controls(self.sandbox, playlist)
         self.graphs = Graphs(self.sandbox)
@@ -156,8 +153,6 @@ class Session:
         If that fails, the scene begins anew, and its message says why.
         """
         try:
-            if engine.program() is not self._program:
-                raise TaichiDiskError("ti.init or ti.reset has ended the simulation")
             self._carry_out_commands()
             self.sandbox.tick()
             self._write_messages()
@@ -181,13 +176,11 @@ class Session:
         getattr(getattr(self, part), kind)(*values)
 
     def _begin_anew(self, reason: str) -> None:
-        """Begin the present scene, with kernels of the present engine."""
+        """Begin the present scene."""
         sandbox = self.sandbox
         self._pending = {}
         try:
-            runtime.start()
             sandbox.begin()
-            self._program = engine.program()
             sandbox.message = f"{reason}; the disk is at the start again"
         except Exception as error:
             sandbox.paused = True

@@ -8,6 +8,7 @@ from functools import wraps
 import pytest
 
 from taichi_disk.window import page as pages
+from taichi_disk.window import server
 from taichi_disk.window.page import Page
 from taichi_disk.window.server import KEPT, Sessions
 from taichi_disk.window.session import HEADER
@@ -118,6 +119,25 @@ def test_the_last_sessions_are_kept(sessions):
     for k in range(KEPT):
         sessions.find(str(k))
     assert sessions.find("first") is not first
+
+
+@visited
+async def test_kernels_are_compiled_while_nobody_plays(sessions, playlist, monkeypatch):
+    monkeypatch.setattr(server, "QUIET_TIME", 0.05)
+    begun = []
+    monkeypatch.setattr(
+        server, "Timeline", lambda start, _: begun.append(start.scenario.scene)
+    )
+    player = Reader(sessions, "1")
+    player.say("set", key="speed", value=0.01)
+    player.say("press", key="space")
+    await player.draw(3)
+    compiling = asyncio.create_task(sessions.compile())
+    await player.draw(10)
+    assert not begun
+    player.say("press", key="space")
+    await player.draw_until(compiling.done)
+    assert begun == [entry.load() for entry in playlist]
 
 
 @visited
