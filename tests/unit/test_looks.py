@@ -243,7 +243,7 @@ def test_a_film(name, tmp_path, monkeypatch, record):
         face = f"{number(font.size)} {font.getname()} {fill}"
         texts.append(f"{text!r} at {numbers(place)} {anchor} {face}")
 
-    def stamp(image, mark, ground):
+    def stamp(image, mark, ground, columns):
         texts.append(f"mark {mark.ink} {number(mark.rim)} {digest(mark.corners)}")
 
     pen = SimpleNamespace(Draw=lambda image: SimpleNamespace(text=letters))
