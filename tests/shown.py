@@ -91,6 +91,7 @@ def number(value):
     if abs(value) < 1e-9:
         return "0"
     text = f"{value:.3e}"
+    value = float(text)  # so that rounding errors do not change how 0.01 is written
     if 0.01 <= abs(value) < 1e4:
         digits = 3 - int(np.floor(np.log10(abs(value))))
         text = f"{value:#.{max(digits, 0)}f}"

@@ -206,14 +206,17 @@ function described(root) {
   return lines;
 }
 
-// Perform an act, and note what it sends, what it draws for the first time, and what is shown that
-// was not shown before it.
-function step(name, act) {
+// Perform an act, and note what it sends, how much it draws, and what is shown that was not shown
+// before it. `look` also notes what is drawn for the first time.
+const step = (name, act) => perform(name, act, false);
+const look = (name, act) => perform(name, act, true);
+
+function perform(name, act, isLooked) {
   note(name);
   act?.();
   drawFrame();
   const { drawn, everDrawn } = stage;
-  const news = new Set(drawn.filter((line) => !everDrawn.has(line)));
+  const news = new Set(isLooked ? drawn.filter((line) => !everDrawn.has(line)) : []);
   for (const line of news) {
     note(line);
     everDrawn.add(line);
