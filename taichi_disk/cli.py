@@ -186,14 +186,7 @@ def _view(arguments: argparse.Namespace) -> None:
         scene = Path(name)
     elif arguments.scene or arguments.overrides:
         scene = _load(arguments)
-    view(
-        scene,
-        arguments.host,
-        arguments.port,
-        arguments.open,
-        arguments.origin,
-        arguments.disks,
-    )
+    view(scene, arguments.host, arguments.port, arguments.open)
 
 
 def _render(arguments: argparse.Namespace) -> None:
@@ -385,21 +378,6 @@ def _parser() -> argparse.ArgumentParser:
         metavar="P",
         help="port (default: a free one)",
     )
-    add(
-        "--origin",
-        default="",
-        metavar="URL",
-        help="address at which a reverse proxy serves the page, such as"
-        " https://example.org/disk",
-    )
-    add(
-        "--disks",
-        type=partial(_count, most=1000),
-        default=40,
-        metavar="N",
-        help="most pages that can play at once (default: 40)",
-    )
-
     add = command(
         "render", _render, "film a finished run again, or up to four runs side by side"
     )

@@ -111,6 +111,7 @@ class Runs:
         self.progress("simulate", 0.0, last)
         while driver.advance(seconds=0.1) == "running":
             self.progress("simulate", driver.simulation.time, last)
+        driver.let_go()
         return driver
 
     def finished(self, step: TimeStep) -> Driver:

@@ -19,8 +19,6 @@ const HELLO = {
   ],
   keys: [["space", "throw"], ["Left Right", "in time"], ["t", "theme"], ["h", "hit"]],
   repeating: ["Left", "e"],
-  address: "http://desk/1/",
-  code: "data:,",
 };
 function card(more) {
   const numbers = { velocity: 0.04, angle: 0, spin: 0, turn: 0, load: 0, hardness: 300, boundary: "" };
@@ -156,7 +154,6 @@ function record() {
   step("the page opens", () => stage.sockets[0].onopen());
   look("the program begins", () => {
     tell(HELLO);
-    tell({ kind: "session", key: "1234", disk: 2, name: "", awaitsFilm: false });
     tell(SCENE);
     tell(GRAPHS);
     show();
@@ -254,19 +251,17 @@ function record() {
     get("eq5").click();
     get("tab-results").click();
   });
-  step("those of the class", () => {
-    tell({ kind: "board", first: 0, rows: [{ disk: 1, player: "Ada", ...result({ load: 0.05 }) }] });
-    tell({ kind: "board", first: 1, rows: [{ disk: 2, player: "disk 2", ...result() }] });
-    get("class").click();
-  });
-  step("the class cleared", () => tell({ kind: "board", first: 0, rows: [] }));
   step("computed again", () => show({ again: 0.4 }));
   step("and done, while a curve is collected", () => show({ again: 1, collecting: 3 }));
 
   step("a message", () => show({ message: "too fast" }));
   step("goes", () => wait(6500));
-  step("a film is made", () => tell({ kind: "session", key: "1234", disk: 1, name: "Ada", awaitsFilm: true }));
+  step("a film is made", () => get("film-page").click());
   step("and comes", () => tell({ kind: "film", page: "<html>" }));
+  step("another cannot be made", () => {
+    get("film-page").click();
+    tell({ kind: "film", page: "" });
+  });
   step("all is saved", () => ["picture", "yaml", "csv"].forEach((id) => get(id).click()));
   step("the program is slow", () => {
     get("start").click();
@@ -322,8 +317,6 @@ function record() {
     for (const id of ["closer", "farther", "contact", "all", "fold", "scenes", "film-page"]) get(id).click();
     document.querySelector("#entries [data-play='2']").click();
     document.querySelector("[data-remove='1']")?.click();
-    get("name").value = "Eve";
-    get("name").onchange();
     get("timeline").value = 0.5;
     get("timeline").oninput();
   });
@@ -394,7 +387,7 @@ function record() {
   step("the socket is opened again", () => {
     wait(9000);
     stage.sockets.at(-1).onopen();
-    stage.sockets.at(-1).onclose({ reason: "all disks are in use" });
+    stage.sockets.at(-1).onclose();
   });
   step("and again", () => wait(6000));
   const round = [roundBelow(0.3 - 0.1), roundAbove(0.3 - 0.1), roundBelow(0.1 + 0.2), roundAbove(0.1 + 0.2)];

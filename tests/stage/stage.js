@@ -12,6 +12,7 @@ const stage = {
   sockets: [],
   clock: 0, // [ms]
 };
+Math.random = () => 0.1234;
 const note = (text) => stage.lines.push(text.replace(/\n/g, " ¶ "));
 const rounded = (value) => Number(value.toFixed(Math.abs(value) < 1 ? 4 : 2)) || 0;
 const plain = (_, value) => (typeof value === "number" ? rounded(value) : value);

@@ -254,7 +254,7 @@ def test_a_film(name, tmp_path, monkeypatch, record):
     def letters(at, text, fill, font, anchor):
         texts.append(f"{text!r} at {place(at)} {anchor} {font.getname()} {fill}")
 
-    def stamp(image, mark, ground):
+    def stamp(image, mark, ground, columns):
         ends = mark.corners.min(axis=(0, 1)), mark.corners.max(axis=(0, 1))
         texts.append(f"mark {mark.ink} {number(mark.rim)} at {place(ends)}")
 
