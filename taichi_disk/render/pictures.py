@@ -195,10 +195,12 @@ class Pictures:
         for rows in (slice(self._rows.start), slice(self._rows.stop, None)):
             self._pixels[rows, : self._disks] = self._still[rows, : self._disks]
         for k, (image, marks) in enumerate(drawn):
-            self._place(self._pixels[:, k * width : (k + 1) * width], image)
+            columns = slice(k * width, (k + 1) * width)
+            self._place(self._pixels[:, columns], image)
             for mark in marks:
                 corners = mark.corners + [k * width, 0.0]
-                stamp(self._image, mark._replace(corners=corners), self._ground)
+                moved = mark._replace(corners=corners)
+                stamp(self._image, moved, self._ground, columns)
         self._pixels[self._words] = self._still[self._words]
         for k, caption in enumerate(captions):
             for line in caption_lines(self._letters, caption, width):

@@ -157,11 +157,7 @@ export class Drawing {
     const centre = [state.row.com_x, state.row.com_y];
     if (options.follow) [this.camera.x, this.camera.y] = centre;
     const theme = scene.themes[options.theme];
-    const isMagnified = options.magnify > 1;
-    const unmoved = options.outline || isMagnified ? this.unmoved(state.x) : null;
-    const moved = (value, i) => unmoved[i] + options.magnify * (value - unmoved[i]);
-    const x = isMagnified ? state.x.map(moved) : state.x;
-    if (isMagnified && scene.wall.kind === "rigid") this.keepAbove(x, state.x);
+    const x = options.magnify > 1 ? this.placed(state.x) : state.x;
     const hasWall = scene.wall.kind !== "none";
 
     ctx.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
@@ -175,6 +171,7 @@ export class Drawing {
     ctx.fillStyle = theme.wall;
     if (hasWall) ctx.fill(this.wallPath(x, scene.wall.edge));
     if (options.outline) {
+      const unmoved = this.unmoved(state.x);
       const ring = Array.from([...scene.outline, scene.outline[0]], (i) => this.point(unmoved, i));
       line(ctx, ring, theme.faint, 1.3, [5, 4]);
     }
@@ -342,11 +339,16 @@ export class Drawing {
     return out;
   }
 
-  // Lift magnified points out of a rigid wall, which ends where the lowest point is in truth.
-  keepAbove(x, actual) {
-    const heights = actual.filter((_, i) => i % 2);
-    const floor = heights.reduce((least, one) => Math.min(least, one), this.scene.wall.edge);
-    for (let i = 1; i < x.length; i += 2) x[i] = Math.max(x[i], floor);
+  // Return where points are drawn if displacements are magnified: no point of the disk below the wall's
+  // edge or, if that is lower, below the lowest one in truth.
+  placed(x) {
+    const { disk_points: count, wall } = this.scene;
+    const unmoved = this.unmoved(x);
+    const out = x.map((value, i) => unmoved[i] + this.options.magnify * (value - unmoved[i]));
+    let floor = wall.edge ?? -Infinity;
+    for (let i = 1; i < 2 * count; i += 2) floor = Math.min(floor, x[i]);
+    for (let i = 1; i < 2 * count; i += 2) out[i] = Math.max(out[i], floor);
+    return out;
   }
 
   // Add the present place of the centre of mass to its path.
