@@ -27,7 +27,7 @@ STYLED = re.compile(r'<mi mathvariant="(bold|sans-serif)">([A-Za-z])<')
 STYLES = {"bold": 0x1D400, "sans-serif": 0x1D5A0}  # the code points of A
 # A line that only links to a film.
 FILM = re.compile(
-    r"^\[(Play with [^]]+)\]\((films/\w+\.html)\)(?: \(download, then open\))?$",
+    r"^\[(Play [^]]+)\]\((films/\w+\.html(?:#[^)]*)?)\)(?: \(download, then open\))?$",
     re.MULTILINE,
 )
 # The line of the README that leads to the site.
@@ -144,7 +144,7 @@ def first_screen(text: str) -> str:
     parts = [
         '<div class="first-screen" markdown>',
         f"<div markdown>\n\n{words.strip()}\n\n</div>",
-        frame(film, "").replace('.html"', '.html#goal=0.9"'),
+        frame(film, ""),
         f"</div>\n\n## {rest}",
     ]
     return "\n\n".join(parts)
