@@ -251,6 +251,14 @@ function unbroken(line) {
   return [...words.flatMap((word) => [word, "   "]), "\n"];
 }
 
+// Return the lines of a caption with the result, if there is one, in the place of the motion.
+function resulting(lines) {
+  const result = lines.find((text) => text.startsWith("*"));
+  const motion = lines.find((text) => text.startsWith("+"));
+  if (!result || !motion) return lines;
+  return lines.map((text) => ({ [result]: "", [motion]: result })[text] ?? text);
+}
+
 // Return the elements of one line of a caption. A blank line keeps its height.
 function captionLine(text) {
   const plain = `${text.replace(/^[*+]/, "") || "\u00a0"}\n`;
@@ -334,7 +342,7 @@ async function play() {
       const magnify = Number(settings.magnify.toPrecision(2));
       const magnified = magnify > 1 ? `displacements × ${magnify}` : "";
       const remark = isRinging ? `the ringing, shown ${factor} times stronger` : magnified;
-      const shown = [...recording.captions[Math.round(place)], remark].map(captionLine);
+      const shown = [...resulting(recording.captions[Math.round(place)]), remark].map(captionLine);
       // for which small comparisons have no room
       shown.at(-2).classList.add("scales", "pace");
       shown.at(-1).classList.add("scales", "remark");
