@@ -29,10 +29,10 @@ from taichi_disk.errors import (
 )
 from taichi_disk.lattice import Array, Lattice, disk_of, numbers
 from taichi_disk.output import files
-from taichi_disk.output.artist import drawing_process
 from taichi_disk.output.report import headline, rows, shown
 from taichi_disk.output.run_folder import run_folder
 from taichi_disk.progress import Progress, reported, silent
+from taichi_disk.render.artist import drawing_process
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.scenes.scene import DiskScene
 from taichi_disk.signals import raise_if_interrupted
