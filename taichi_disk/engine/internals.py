@@ -1,8 +1,8 @@
 """What this package uses of the engine that is not public, and patches of Taichi 1.7.4.
 
 The patches save 0.1 s of a first run of 2.0 s. They act on functions of this package
-only, so that the user's own kernels get Taichi's full messages. `launches`
-has one more of them, and `signals` and `physics.law` each contain a workaround.
+only, so that the user's own kernels get Taichi's full messages. `signals`
+and `physics.law` each contain a workaround.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import lru_cache, partial
+from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -84,8 +84,6 @@ def patch(ti: Any) -> None:
     """
     if ti.__version__ != PATCHED:
         return
-    from taichi_disk.engine.launches import quick_call  # which needs NumPy
-
     kernel_impl = ti.lang.kernel_impl
     transformer = ti.lang.ast.ast_transformer_utils.ASTTransformerContext
     full_position = transformer.get_pos_info
@@ -110,6 +108,3 @@ def patch(ti: Any) -> None:
     kernel_impl._inside_class = is_in_class
     # an inlined function is read again each time (0.03 s of a warm run)
     kernel_impl.getsourcelines = lru_cache(maxsize=None)(kernel_impl.getsourcelines)
-    kernel_impl.Kernel.__call__ = quick_call(
-        kernel_impl, partial(program, ti), OWN_FILES
-    )

@@ -12,6 +12,7 @@ const stage = {
   sockets: [],
   clock: 0, // [ms]
 };
+Math.random = () => 0.1234;
 const note = (text) => stage.lines.push(text.replace(/\n/g, " ¶ "));
 const rounded = (value) => Number(value.toFixed(Math.abs(value) < 1 ? 4 : 2)) || 0;
 const plain = (_, value) => (typeof value === "number" ? rounded(value) : value);
@@ -205,14 +206,17 @@ function described(root) {
   return lines;
 }
 
-// Perform an act, and note what it sends, what it draws for the first time, and what is shown that
-// was not shown before it.
-function step(name, act) {
+// Perform an act, and note what it sends, how much it draws, and what is shown that was not shown
+// before it. `look` also notes what is drawn for the first time.
+const step = (name, act) => perform(name, act, false);
+const look = (name, act) => perform(name, act, true);
+
+function perform(name, act, isLooked) {
   note(name);
   act?.();
   drawFrame();
   const { drawn, everDrawn } = stage;
-  const news = new Set(drawn.filter((line) => !everDrawn.has(line)));
+  const news = new Set(isLooked ? drawn.filter((line) => !everDrawn.has(line)) : []);
   for (const line of news) {
     note(line);
     everDrawn.add(line);

@@ -43,9 +43,9 @@ ACTS = (
 )
 
 
-def test_a_page_is_sent_what_is_recorded(common, record, monkeypatch):
+def test_a_page_is_sent_what_is_recorded(playlist, kernels, record, monkeypatch):
     monkeypatch.setattr("taichi_disk.window.sandbox.perf_counter", lambda: 0.0)
-    session = Session(common)
+    session = Session(playlist, kernels)
     before = []
     lines = []
     for act in (None, *ACTS):
