@@ -13,7 +13,7 @@ from functools import partial
 from typing import Any
 
 from taichi_disk.machine import can_start_python
-from taichi_disk.processes.pool import Pool
+from taichi_disk.processes.pool import Pool, awaited
 
 # after this time a picture is drawn again in this process [s]; it takes 0.5 s, but a
 # first import of Matplotlib looks at all fonts
@@ -39,7 +39,7 @@ class Artist:
 
 def _finish(answer: Future[Any], here: Callable[[], Any]) -> Any:
     try:
-        return answer.result(_DRAWING_TIME)
+        return awaited(answer.result, _DRAWING_TIME)
     except Exception:  # an error of the drawing itself comes again here
         return here()
 

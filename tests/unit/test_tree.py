@@ -45,6 +45,7 @@ FAULTS = {
     "lattice: {pionts: 9}": "2:11: lattice.pionts: unknown key; did you mean points?",
     "wall: {v0: 3}": "2:8: wall.v0: unknown key; did you mean V0?",
     "velocity: 1": "2:1: velocity: unknown key; did you mean impact.velocity?",
+    "impact.velocity: 1": "2:1: impact.velocity: no dotted key here: write impact: {v",
     "impact: {eta_star: 3}": "2:10: impact.eta_star: unknown key; did you mean",
     "impact: {slant: 3}": "2:10: impact.slant: unknown key; impact has velocity, angle",
     "impact: {offset: 1}": "2:10: impact.offset: belongs to scene: absorbing_wall, not",
