@@ -98,7 +98,7 @@ def compare_lattices(
             outcome.summary["warnings"].append(
                 f"there is no result on the lattice of seed {seed}: {described(error)}"
             )
-    for warned, text in by_kind(warnings):
+    for text, warned in by_kind(warnings).items():
         outcome.summary["warnings"].append(
             f"{warned} of {count - 1} other lattices: {text}"
         )

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from taichi_disk.errors import SimulationError
 from taichi_disk.machine import can_start_python
-from taichi_disk.processes.pool import Pool
+from taichi_disk.processes.pool import Pool, awaited
 from taichi_disk.signals import POLL_INTERVAL, raise_if_interrupted
 
 # after this time a picture is drawn again in this process [s]; it takes 0.5 s, but a
@@ -130,7 +130,7 @@ def _wait_for(call: Future[None]) -> None:
 
 def _finish(answer: Future[Any], here: Callable[[], Any]) -> Any:
     try:
-        return answer.result(_DRAWING_TIME)
+        return awaited(answer.result, _DRAWING_TIME)
     except Exception:  # an error of the drawing itself comes again here
         return here()
 
