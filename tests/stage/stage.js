@@ -211,12 +211,26 @@ function described(root) {
 const step = (name, act) => perform(name, act, false);
 const look = (name, act) => perform(name, act, true);
 
+// Return lines of which those of a rim, which is drawn below a line or a text, are part of its line.
+function withRims(lines) {
+  const found = [];
+  for (const line of lines) {
+    const below = found.slice(-2).find((one) => {
+      const shape = one.split(" wide ")[1];
+      return shape && line.endsWith(` ${shape}`);
+    });
+    if (below) found.splice(found.lastIndexOf(below), 1);
+    found.push(below ? `${line} on ${below.trim().split(" wide ")[0]}` : line);
+  }
+  return found;
+}
+
 function perform(name, act, isLooked) {
   note(name);
   act?.();
   drawFrame();
   const { drawn, everDrawn } = stage;
-  const news = new Set(isLooked ? drawn.filter((line) => !everDrawn.has(line)) : []);
+  const news = new Set(isLooked ? withRims(drawn).filter((line) => !everDrawn.has(line)) : []);
   for (const line of news) {
     note(line);
     everDrawn.add(line);
