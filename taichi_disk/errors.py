@@ -6,6 +6,7 @@ from __future__ import annotations
 import difflib
 import logging
 import os
+import re
 import sys
 from collections.abc import Iterable
 from importlib.util import find_spec
@@ -36,6 +37,15 @@ class SimulationError(TaichiDiskError):
 
 class NoPictures(TaichiDiskError):
     """This machine cannot draw pictures. It can still write pages."""
+
+
+def by_kind(texts: Iterable[str]) -> list[tuple[int, str]]:
+    """Return number and first of the `texts` of each kind, which differ only in
+    numbers."""
+    kinds: dict[str, list[str]] = {}
+    for text in texts:
+        kinds.setdefault(re.sub(r"[-+.\d]", "", text), []).append(text)
+    return [(len(alike), alike[0]) for alike in kinds.values()]
 
 
 def pip_install(what: str) -> str:

@@ -66,6 +66,8 @@ class Result(Outcome):
             name, value = next(iter(self.numbers.items()))
             parts = shown(value, self.error, exact=self.scenario.static)
             number = " ".join((name, *parts)).strip()
+        if self.warnings:
+            number += ", see .warnings"
         return (
             f"Result({self.scene.scene}, {self.lattice.disk_points} points, {number})"
         )
@@ -77,6 +79,7 @@ class Result(Outcome):
             "    ".join(self.scenario.words.title).replace("    ", " · "),
             rows(self.summary, self.scenario.words.labels),
             self.plot(),
+            self.warnings,
         )
 
     @property
@@ -115,6 +118,11 @@ class Result(Outcome):
                 f" {', '.join(self.numbers)}"
             )
         return self.numbers[name]
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is doubtful about the result; the logger `taichi_disk` has said it."""
+        return list(self.summary["warnings"])
 
     @property
     def error(self) -> float | None:
@@ -573,6 +581,8 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
             work.write(folder, outcome, artist, video, export)
     if folder.failure:
         outcome.summary.update(status="failed", reason=folder.failure)
+    if outcome.summary["status"] != "done":
+        NOTICES.error(outcome.summary["reason"])
     # without room for anything there is no folder
     written = folder.out if folder.out.is_dir() else None
     return Result(**vars(outcome), out=written)

@@ -155,9 +155,21 @@ class Kernels(Stepping):
         rows[s, INDEX["depth"]] = 0.0
         if ti.static(self.contact):
             rows[s, INDEX["depth"]] = self.wall.depth(self.state)
+        rows[s, INDEX["inverted"]] = self.inverted()
         rows[s, INDEX["friction"]] = 0.0
         if ti.static(self.has_friction):
             rows[s, INDEX["friction"]] = sums[FRICTION]
+
+    @ti.func
+    def inverted(self):
+        """Return the number of triangles that are turned inside out."""
+        count = 0
+        for k in range(self.state.triangles[None]):
+            first = get(self.state.x, self.state.corners[0][k])
+            side = get(self.state.x, self.state.corners[1][k]) - first
+            other = get(self.state.x, self.state.corners[2][k]) - first
+            count += side[0] * other[1] < side[1] * other[0]
+        return count
 
 
 @ti.data_oriented
