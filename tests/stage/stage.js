@@ -190,16 +190,19 @@ function worded(node) {
   return line.replace(/-?\d+\.\d{3,}/g, (number) => rounded(Number(number)));
 }
 
-// Return a line for each element that says something; a list, a choice or a row has one line.
+const named = (node) => (node.id ? `#${node.id} ${worded(node)}` : worded(node));
+
+// Return a line for each element that says something; what is read together has one line.
+const TOGETHER = "tr, dl, select, label, figure, .slider, .plot, .cards > button";
 function described(root) {
   const lines = [];
   const visit = (node, place) => {
     const tag = node.id ? `#${node.id}` : node.localName;
-    const isLine = node.matches("tr, dl, select, label");
-    const parts = isLine ? [...node.querySelectorAll("*")].map(worded) : [];
+    const isLine = node.matches(TOGETHER);
+    const parts = isLine ? [...node.querySelectorAll("*")].map(named) : [];
     const words = [worded(node), ...parts].filter(Boolean).join(" | ");
     if (words) lines.push(`  ${place}${tag}: ${words}`);
-    if (isLine && !node.querySelector("[id]")) return;
+    if (isLine) return;
     for (const one of node.children) visit(one, node.id ? `${tag} ` : place);
   };
   visit(root, "");
