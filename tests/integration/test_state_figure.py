@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -43,6 +45,18 @@ def test_a_state_is_drawn_in_the_colours_of_films_where_it_is(result):
     assert "compressed" in bar.get_ylabel()
     assert axes.get_xlabel() == "x  [R]"
     assert f"{state.t:.4g}" in axes.get_title()
+
+
+def test_a_script_that_imports_pyplot_finds_the_figures_there(result, monkeypatch):
+    monkeypatch.delitem(sys.modules, "ipykernel", raising=False)
+    for make in (result.plot, result.draw):
+        figure = make()
+        assert plt.gcf() is figure
+        figure.show()
+    plt.close("all")
+    monkeypatch.setitem(sys.modules, "ipykernel", plt)
+    result.plot()
+    assert plt.get_fignums() == []
 
 
 def test_a_state_is_drawn_on_given_axes_at_any_moment(result):
