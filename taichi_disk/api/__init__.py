@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from inspect import signature
@@ -23,16 +24,17 @@ from taichi_disk.errors import (
     NOTICES,
     InputError,
     SimulationError,
+    check_flags,
     did_you_mean,
     nearest,
     whole_number,
 )
 from taichi_disk.lattice import Array, Lattice, disk_of, numbers
 from taichi_disk.output import files
-from taichi_disk.output.artist import drawing_process
 from taichi_disk.output.report import headline, rows, shown
 from taichi_disk.output.run_folder import run_folder
 from taichi_disk.progress import Progress, reported, silent
+from taichi_disk.render.artist import drawing_process
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.scenes.scene import DiskScene
 from taichi_disk.signals import raise_if_interrupted
@@ -433,6 +435,7 @@ class Result(Outcome):
         Raises InputError if `out` holds another run (unless `overwrite`) or files that
         no run wrote.
         """
+        check_flags(video=video, overwrite=overwrite)
         out = as_path(out, "out")
         own = self.scenario.own
         text = self.scenario.stored_scene.to_yaml()
@@ -452,7 +455,7 @@ class Result(Outcome):
     def load(
         cls,
         folder: Path | str,
-        overrides: Sequence[str] = (),
+        overrides: str | Sequence[str] = (),
         progress: Progress | None = None,
         estimate: bool = True,
     ) -> Result:
@@ -556,6 +559,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
     if changes:
         _check_arguments(scene, changes)
         scene = scene.with_(changes)
+    check_flags(video=video, overwrite=overwrite, count_on=count_on, force=force)
     if lattices is not None:
         whole_number(lattices, "lattices", MOST_LATTICES)
     # reads the files of a lattice and velocities only once, because they may change
@@ -567,6 +571,11 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
             raise InputError("export: needs a folder, `out`")
         outcome = work.solve(work.build(threads), **options)
         return Result(**vars(outcome))
+    if isinstance(out, str) and re.match(r"[\w.]+=", out):
+        raise InputError(
+            f"out: {out} looks like a change of the scene: write it as a key, as in"
+            f" run(scene, velocity=0.1), or the folder as ./{out}"
+        )
     out = as_path(out, "out")
     text = own.repeating(work.scene).to_yaml()
     with run_folder(out, text, count_on, overwrite, own.digest) as folder:

@@ -21,11 +21,11 @@ from taichi_disk.computation.scenario import Scenario
 from taichi_disk.errors import NOTICES, NoPictures, SimulationError
 from taichi_disk.lattice import Lattice, own_start
 from taichi_disk.output import files
-from taichi_disk.output.artist import Artist
 from taichi_disk.output.plot import plot_run, plot_scene
 from taichi_disk.output.report import headline
 from taichi_disk.output.run_folder import RunFolder
 from taichi_disk.progress import Progress, silent
+from taichi_disk.render.artist import Artist
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import body_of, spectrum_of
 from taichi_disk.simulation.simulation import shared_kernels

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from filelock import FileLock, Timeout
 
 from taichi_disk.config.tree import as_path
-from taichi_disk.errors import NOTICES, InputError, by_kind, whole_number
+from taichi_disk.errors import NOTICES, InputError, by_kind, check_flags, whole_number
 from taichi_disk.lattice import file_digest
 from taichi_disk.output.files import (
     prepare_output,
@@ -181,6 +181,7 @@ def run_sweep(
     progress = progress or silent
     if not isinstance(sweep, Sweep):
         raise InputError(f"sweep: must be what load_sweep returns, not {sweep!r:.60}")
+    check_flags(estimate=estimate)
     if jobs is not None:
         whole_number(jobs, "jobs", MAX_JOBS)
     keys = [point_key(scene) for scene in sweep.scenes]
@@ -225,7 +226,7 @@ def _counted_warnings(results: Sequence[PointResult]) -> list[str]:
     texts = [text for result in results for text in result.warnings]
     return [
         f"{count} of {len(results)} points have a warning: {text}"
-        for count, text in by_kind(texts)
+        for text, count in by_kind(texts).items()
     ]
 
 

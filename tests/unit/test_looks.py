@@ -34,7 +34,7 @@ from taichi_disk.output.panel import PanelPictures, draw_panel
 from taichi_disk.output.plot import plot_scene, run_figure
 from taichi_disk.physics import Springs
 from taichi_disk.progress import silent
-from taichi_disk.render import film, pictures, words
+from taichi_disk.render import film, finisher, pictures, words
 from taichi_disk.render import painter as painting
 from taichi_disk.render.geometry import Camera
 from taichi_disk.render.letters import LEAST, Face, Letters
@@ -238,12 +238,12 @@ def test_a_film(name, tmp_path, monkeypatch, record):
         canvas.camera = camera
         paint(drawer, canvas, camera, *state)
 
-    def begin(draw, scene):
+    def draw_panel(scene):
         panels.append(scene)
         width, height = scene.size
         coming = np.full((height, width, 4), 180, dtype=np.uint8)
         boxes = [(60, width - 20, 40, 100), (60, width - 20, 140, 200)]
-        return lambda: PanelPictures(coming, coming // 2, boxes)
+        return PanelPictures(coming, coming // 2, boxes)
 
     def place(pixels):
         # in hundredths of the picture's height, which may differ by two
@@ -259,16 +259,16 @@ def test_a_film(name, tmp_path, monkeypatch, record):
         texts.append(f"mark {mark.ink} {number(mark.rim)} at {place(ends)}")
 
     pen = SimpleNamespace(Draw=lambda image: SimpleNamespace(text=letters))
-    monkeypatch.setattr(pictures, "ImageDraw", pen)
-    monkeypatch.setattr(pictures, "stamp", stamp)
+    monkeypatch.setattr(finisher, "ImageDraw", pen)
+    monkeypatch.setattr(finisher, "stamp", stamp)
+    monkeypatch.setattr(finisher, "draw_panel", draw_panel)
     monkeypatch.setattr(words, "stamp", stamp)
     monkeypatch.setattr(painting, "get_field_info", lambda array: array)
     monkeypatch.setattr(painting.Painter, "paint", noted)
     monkeypatch.setattr(film, "require_film", lambda: None)
     monkeypatch.setattr(pictures, "open_window", lambda size: Sheet(size, notes))
     look = video(fps=10, **keys)
-    artist = SimpleNamespace(begin=begin)
-    film.draw_film(tmp_path / "film", runs, look, silent, artist=artist)
+    film.draw_film(tmp_path / "film", runs, look, silent)
     notes += texts
     for path in sorted((tmp_path / "film").iterdir()):
         notes += [path.stem, *of_picture(np.asarray(Image.open(path)), 4)]

@@ -33,6 +33,7 @@ def faults(path, text, *overrides):
 
 FAULTS = """
 velocity: 1 | 2:1: velocity: unknown key; did you mean impact.velocity?
+impact.velocity: 1 | 2:1: impact.velocity: no dotted key here: write impact: {v
 wall: {v0: 3} | 2:8: wall.v0: unknown key; did you mean V0?
 impact: {eta_star: 3} | 2:10: impact.eta_star: unknown key; did you mean
 impact: {slant: 3} | 2:10: impact.slant: unknown key; impact has velocity, angle,
