@@ -344,7 +344,6 @@ def clashes(lines, width):
         (360, 1.0, "strain"),
         (360, 2.0, "force"),
         (720, 1.0, "pressure"),
-        (720, 1.0, "fringes"),
         (1440, 1.5, "rate"),
     ],
 )
