@@ -22,7 +22,6 @@ from taichi_disk.scenes import load_scene
 
 SMALL = ("lattice.points=60", "material.eta_star=0")
 WILD = (*SMALL, "time.dt=0.22")  # 1.5 times the limit
-RUN = {"scene.yaml", "lattice.npz", "summary.json", "timeseries.csv", "final.npz"}
 
 
 def arguments(out: Path, *settings: str, scene: str = "exponential_wall") -> list[str]:
