@@ -109,7 +109,6 @@ def patch(ti: Any) -> None:
     """
     if ti.__version__ != PATCHED:
         return
-
     kernel_impl = ti.lang.kernel_impl
     transformer = ti.lang.ast.ast_transformer_utils.ASTTransformerContext
     full_position = transformer.get_pos_info

@@ -171,6 +171,7 @@ class Program:
             (state.contact, _contact_force(lattice, model, v)),
             (state.n, len(lattice.positions)),
             (state.n_disk, lattice.disk_points),
+            (state.triangles, len(lattice.triangles)),
             (state.blocks, len(arrangement.ends) // BLOCK),
             (state.subdomain_points, arrangement.subdomain_points),
             (state.reset_steps, max(1, round(model.reset_interval / dt))),

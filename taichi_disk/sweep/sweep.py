@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from filelock import FileLock, Timeout
 
 from taichi_disk.config.tree import as_path
-from taichi_disk.errors import NOTICES, InputError, whole_number
+from taichi_disk.errors import NOTICES, InputError, by_kind, check_flags, whole_number
 from taichi_disk.lattice import file_digest
 from taichi_disk.output.files import (
     prepare_output,
@@ -96,7 +96,18 @@ class SweepResult:
             for law, parameters in laws:
                 rows.append((label, law, parameters))
                 label = ""  # stands only beside the first law
-        return card(f"{self.summary['scene']}: {_counted(self)}", rows, figure)
+        return card(
+            f"{self.summary['scene']}: {_counted(self)}",
+            rows,
+            figure,
+            self.summary["warnings"],
+        )
+
+    def _repr_png_(self) -> bytes | None:
+        """Return a picture for documents without HTML, such as those by LaTeX."""
+        if len(self.failed) == len(self.rows):
+            return None
+        return self.plot()._repr_png_()
 
     def plot(self, x: str | None = None, y: str | None = None) -> Plot:
         """Return a figure of Matplotlib, which may be changed and saved.
@@ -112,6 +123,7 @@ class SweepResult:
         """
         from taichi_disk.figures.curves import analyse
         from taichi_disk.figures.drawing import figure_to_change
+        from taichi_disk.output.inline import registered
 
         axes = self.sweep.axes
         if x is not None and x not in axes:
@@ -120,7 +132,7 @@ class SweepResult:
         if not diagram.curves:
             columns = ", ".join(self.rows[0])
             raise InputError(f"y: no row has a number {diagram.y}; there are {columns}")
-        return figure_to_change(diagram)
+        return registered(figure_to_change(diagram))
 
     def dataframe(self) -> DataFrame:
         """Return the rows as a table of pandas. Raises TaichiDiskError if pandas is not
@@ -176,6 +188,7 @@ def run_sweep(
     progress = progress or silent
     if not isinstance(sweep, Sweep):
         raise InputError(f"sweep: must be what load_sweep returns, not {sweep!r:.60}")
+    check_flags(estimate=estimate)
     if jobs is not None:
         whole_number(jobs, "jobs", MAX_JOBS)
     keys = [point_key(scene) for scene in sweep.scenes]
@@ -206,11 +219,22 @@ def run_sweep(
                 progress("sweep", len(results), len(scenes))
         rows = _rows(sweep, [key for key in keys if key in scenes], scenes, results)
         summary = _summary(sweep, rows, computed_now=len(results) - stored)
+        summary["warnings"] = _counted_warnings([results[key] for key in scenes])
         if part is None:
             _write_table(out, sweep, rows, summary, started)
         else:
             summary |= {"part": part, "wall_clock": perf_counter() - started}
+        for text in summary["warnings"]:
+            NOTICES.warning(text)
         return SweepResult(rows, summary, out, sweep)
+
+
+def _counted_warnings(results: Sequence[PointResult]) -> list[str]:
+    texts = [text for result in results for text in result.warnings]
+    return [
+        f"{count} of {len(results)} points have a warning: {text}"
+        for text, count in by_kind(texts).items()
+    ]
 
 
 def _say_note(scenes: executors.Scenes) -> None:
@@ -367,9 +391,6 @@ def print_sweep(result: SweepResult) -> None:
         for law, parameters in laws:
             print(f"  {law:<24}{parameters}")
     _print_failures(result)
-    warned = [row for row in result.rows if row["warnings"]]
-    if warned:
-        print(f"{len(warned)} points with warnings, see points.csv")
     counted = f"{_counted(result)}; {summary['wall_clock']:.1f} s"
     files = f"files in {result.out}"
     if part is None:

@@ -2,7 +2,7 @@
 each state.
 
 JSON cannot hold arrays: they are little-endian bytes in base64. `bundle` joins modules
-for documents that cannot load any: a file opened from disk, a notebook.
+for documents that cannot load any, such as a file opened from disk.
 """
 
 from __future__ import annotations
@@ -199,12 +199,14 @@ def bundle(*names: str) -> str:
 
 
 DRAWING = ("html.js", "field.js", "legend.js", "draw.js", "gestures.js")
-SANDBOX = (
+FILM = (
     *DRAWING,
-    "message.js",
-    "graphs.js",
     "controls.js",
+    "graphs.js",
     "results.js",
-    "scenes.js",
-    "sandbox.js",
+    "stepper.js",
+    "colours.js",
+    "again.js",
+    "throws.js",
+    "film.js",
 )

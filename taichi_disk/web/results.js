@@ -136,8 +136,7 @@ function markOf(row, colours, axes) {
   const y = clipped(height);
   const style = `left: ${100 * x}%; bottom: ${100 * y}%; ${inks(...colours)}`;
   const title = `${row.result} = ${label(row.value)} at ${label(row.load)}`;
-  const names = [row.disturbance ? "hollow" : "", row.player ? "small" : ""];
-  const properties = { style, title, className: names.join(" ").trim() };
+  const properties = { style, title, className: row.disturbance ? "hollow" : "" };
   if (row.load > axes.last) return element("u", properties, "▸");
   if (row.load < axes.first) return element("u", properties, "◂");
   if (y !== height) return element("u", properties, "▾");
@@ -185,7 +184,6 @@ export function showDiagram(plot, caption, results, { title, range, fitted }) {
 // ---- the table
 
 const COLUMNS = {
-  player: "player",
   result: "result",
   value: "value",
   load: "v [c], P [Mc²/R]",
@@ -209,9 +207,8 @@ function written(key, value, result) {
   return result === "e" ? value.toFixed(3) : digits(value, 3);
 }
 
-// The newest result comes first. Each cell's `title` has all digits. `own`: whether they can be
-// removed.
-export function showResults(table, results, own) {
+// The newest result comes first. Each cell's `title` has all digits.
+export function showResults(table, results) {
   const none = "Finished experiments are listed here.";
   if (!results.length) return table.replaceChildren(element("caption", {}, none));
   const keys = Object.keys(COLUMNS).filter((key) => results.some((one) => one[key]));
@@ -229,7 +226,7 @@ export function showResults(table, results, own) {
     const name = { ariaLabel: `remove the result ${written("value", one.value, one.result)}` };
     const remove = element("button", name, "×");
     remove.dataset.remove = k;
-    return row(own ? [...cells, element("td", {}, remove)] : cells);
+    return row([...cells, element("td", {}, remove)]);
   });
   const head = row(keys.map((key) => element("th", { scope: "col" }, COLUMNS[key])));
   table.replaceChildren(element("thead", {}, head), element("tbody", {}, ...rows.reverse()));

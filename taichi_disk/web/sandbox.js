@@ -68,7 +68,6 @@ export class Sandbox {
     Object.assign(this, {
       node,
       theme: recall(THEME),
-      board: [],
       hello: null,
       panel: null,
       state: null,
@@ -77,7 +76,7 @@ export class Sandbox {
     const ui = (this.ui = elements(node));
     this.send = (message) => {
       send(message);
-      if (message.do !== "seen" && message.do !== "rename")
+      if (message.do !== "seen" && message.do !== "film")
         this.waiting ??= setTimeout(() => (ui.busy.hidden = false), 400);
     };
     this.drawing = new Drawing(ui.disk);
@@ -111,8 +110,7 @@ export class Sandbox {
     // A phone begins with the disk alone.
     if (node.clientWidth <= 640 && node.clientHeight > 480) this.fold();
     new ResizeObserver(() => this.redraw()).observe(node);
-    ui.eq5.onchange = ui.class.onchange = () => this.showResults();
-    ui.name.onchange = () => this.send({ do: "rename", text: ui.name.value });
+    ui.eq5.onchange = () => this.showResults();
     ui.timeline.oninput = () => this.send({ do: "scrub", t: Number(ui.timeline.value) });
     node.onpointermove = () => this.wake();
     DARK.onchange = () => this.takeTheme();
@@ -151,6 +149,7 @@ export class Sandbox {
     if (closes) this.ui[closes].close();
     if (press) this.send({ do: "press", key: press });
     if (command) this.send({ do: command });
+    if (command === "film") this.showFilm(true);
     if (tab) this.showTab(tab);
     if (remove) this.send({ do: "remove", number: Number(remove) });
     if (play) {
@@ -251,36 +250,28 @@ export class Sandbox {
     const { kind } = message;
     this.answered();
     if (kind === "hello") this.showHello((this.hello = message));
-    else if (kind === "session") this.showSession(message);
-    else if (kind === "board") this.showBoard(message);
     else if (kind === "scene") this.showScene(message);
     else if (kind === "graphs") this.showGraphs(message);
     else if (kind === "panel") this.showPanel(message);
     else if (kind === "yaml") this.scene = message.text;
-    else if (kind === "film") download(message.page, "disk.html", "text/html");
+    else if (kind === "film") this.takeFilm(message.page);
   }
 
-  showSession({ key, disk, name, awaitsFilm }) {
-    this.disk = disk;
-    this.ui.name.value = name;
-    this.ui.name.placeholder = `disk ${disk}`;
-    const filmPage = this.ui["film-page"];
-    filmPage.disabled = awaitsFilm;
-    filmPage.textContent = awaitsFilm ? "The film is made …" : "Film to play with";
+  showFilm(isAwaited) {
+    const button = this.ui["film-page"];
+    button.disabled = isAwaited;
+    button.textContent = isAwaited ? "The film is made …" : "Film to play with";
+  }
+
+  // Save a film; without one, a message says why.
+  takeFilm(page) {
+    this.showFilm(false);
+    if (page) download(page, "disk.html", "text/html");
+  }
+
+  showHello({ keys }) {
     this.ui.role.textContent = "";
-    this.onkey?.(key);
-  }
-
-  // Take further results of the class.
-  showBoard({ first, rows }) {
-    this.board = [...this.board.slice(0, first), ...rows];
-    if (this.panel) this.showResults();
-  }
-
-  showHello({ keys, address, code }) {
-    this.ui.join.hidden = !code;
-    this.ui.code.src = code;
-    this.ui.address.textContent = address;
+    this.showFilm(false); // a program that was lost makes none
     const row = ([key, what]) => [element("dt", {}, key), element("dd", {}, what)];
     this.ui.reference.replaceChildren(...[...keys, ...this.shortcuts].flatMap(row));
   }
@@ -484,13 +475,9 @@ export class Sandbox {
 
   showResults() {
     const { ui, panel, drawing } = this;
-    const others = this.board.filter(({ disk }) => disk !== this.disk);
-    const results = ui.class.checked ? [...others, ...panel.results] : panel.results;
-    for (const id of ["copy", "csv"]) ui[id].disabled = !results.length;
-    // Of the class's results, the first page can clear all.
-    ui.clear.dataset.command = ui.class.checked ? "wipe" : "clear";
-    ui.clear.disabled = ui.class.checked ? this.disk !== 1 : !panel.results.length;
-    showResults(ui.table, results, !ui.class.checked);
+    const { results } = panel;
+    for (const id of ["copy", "csv", "clear"]) ui[id].disabled = !results.length;
+    showResults(ui.table, results);
     const title = drawing.scene.labels.curve;
     const options = { title, range: panel.loadRange, fitted: ui.eq5.checked };
     showDiagram(ui.diagram, ui.curve, results, options);

@@ -26,8 +26,6 @@ def view(
     host: str,
     port: int,
     open_browser: bool,
-    origin: str,
-    disks: int,
 ) -> None:
     """Serve the sandbox as a page until Ctrl-C.
 
@@ -36,8 +34,6 @@ def view(
             for the list as it is.
         host, port: where to serve the page; 0: a port that is free.
         open_browser: whether to open the page in the user's browser, if there is one.
-        origin: public address of the page behind a reverse proxy, "" for none.
-        disks: most pages that can play.
 
     Raises InputError if the page cannot be served, or if a folder has no scenes.
     """
@@ -46,8 +42,7 @@ def view(
     else:
         playlist = list_presets(scene_or_folder)
     runtime.start()
-    opens = open_browser and has_browser()
-    serve(playlist, host, port, open_browser=opens, origin=origin, disks=disks)
+    serve(playlist, host, port, open_browser=open_browser and has_browser())
 
 
 def list_presets(first: Scene | None) -> list[Preset]:

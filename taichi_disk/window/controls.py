@@ -9,7 +9,14 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple, get_args
 
-from taichi_disk.config.sections import Boundary, Colour, Dashpot, Draw, Theme
+from taichi_disk.config.sections import (
+    SLIDERS,
+    Boundary,
+    Colour,
+    Dashpot,
+    Draw,
+    Theme,
+)
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.scenes import Scene
 from taichi_disk.window.sandbox import Sandbox, load_key, value_of
@@ -48,8 +55,7 @@ RANGES = {
         "viscosity η*",
         "",
         "e d",
-        0.0,
-        100.0,
+        *SLIDERS["material.eta_star"],
         "dashpots, as a multiple of m c/R; 0: none",
     ),
     "material.viscosity": Range(
@@ -60,7 +66,9 @@ RANGES = {
         0.1,
         "dashpot constant of one spring; 0: none",
     ),
-    "impact.velocity": Range("speed v", "c", "Up Down", 1e-3, 0.1, "of the throw"),
+    "impact.velocity": Range(
+        "speed v", "c", "Up Down", *SLIDERS["impact.velocity"], "of the throw"
+    ),
     "impact.angle": Range(
         "angle", "rad", "", -1.5, 1.5, "between the throw and the normal of the wall"
     ),
@@ -132,12 +140,6 @@ class Preset(NamedTuple):
     slow: bool | None = None
 
 
-def with_own_seed(scene: Scene, disk: int) -> Scene:
-    """Return a scene with a random lattice of its own for each disk, so that the
-    results of a class scatter; disk 1 has the scene's."""
-    return scene.with_({"lattice.seed": scene.lattice.seed + disk - 1})
-
-
 def described(error: Exception) -> str:
     """Return the message for the user; an error of the program itself is printed, too,
     so that it can be reported."""
@@ -158,11 +160,9 @@ class Controls:
         reference: groups of keys and the meaning of each group, for a list of keys.
     """
 
-    def __init__(self, sandbox: Sandbox, playlist: list[Preset], disk: int = 1) -> None:
-        """`disk`: number of the sandbox, see `with_own_seed`."""
+    def __init__(self, sandbox: Sandbox, playlist: list[Preset]) -> None:
         self.sandbox = sandbox
         self.playlist = playlist
-        self._disk = disk
         self.number = 0
         self._take_pace()
         self.actions: dict[str, Callable[[], None]] = {}
@@ -232,8 +232,7 @@ class Controls:
         self.attempt(self.actions.get(key, lambda: None))
 
     def attempt(self, act: Callable[..., Any], *values: Any) -> None:
-        """Call `act` with `values`; an error becomes the sandbox's message, so that the
-        other visitors go on."""
+        """Call `act` with `values`; an error becomes the sandbox's message."""
         try:
             act(*values)
         except Exception as error:
@@ -322,7 +321,7 @@ class Controls:
         options. Raises TaichiDiskError."""
         sandbox = self.sandbox
         number = int(number) % len(self.playlist)
-        scene = with_own_seed(self.playlist[number].load(), self._disk)
+        scene = self.playlist[number].load()
         # On an elastic wall displacements may not be magnified.
         sandbox.begin(
             replace(

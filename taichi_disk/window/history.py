@@ -30,32 +30,10 @@ STORE_SPACING = 1.5e-2
 HIT_AGAIN = "hit again"
 DISTURBED = "disturbed"
 PULLED = "pulled"
-# stored states of a timeline, and the memory of those of all timelines; then every
-# second one is dropped
+# stored states of a timeline, and their memory; then every second one is dropped
 MAX_STATES = 1280
 MAX_BYTES = 1.7e9
 MAX_SPACING = 2.0  # largest spacing of stored states, over the usual one
-SHARERS = 4  # timelines above which each stores fewer states
-
-
-class Memory:
-    """The memory that timelines share: each may fill an equal part.
-
-    `sharers`: number of timelines.
-    """
-
-    sharers = 1
-
-    @property
-    def part(self) -> float:
-        """Bytes of one timeline."""
-        return MAX_BYTES / self.sharers
-
-    @property
-    def thinning(self) -> float:
-        """Factor by which stored states are further apart. Storing one takes longer
-        than a few steps, so each of many sharers stores fewer."""
-        return max(1.0, self.sharers / SHARERS)
 
 
 class Segment(Driver):
@@ -196,8 +174,8 @@ class Start(NamedTuple):
 
 
 def start_of(scene: Scene, body: Lattice | None = None) -> Start:
-    """Compute how a scene starts, with a given unloaded lattice or its own. Another
-    thread may do this, because no kernel is launched. Raises TaichiDiskError."""
+    """Compute how a scene starts, with a given unloaded lattice or its own. Raises
+    TaichiDiskError."""
     scene = scene.in_time()
     if body is None:
         body = body_of(scene)
@@ -225,9 +203,8 @@ class Timeline:
             state reached before the scene began again with a shorter step.
     """
 
-    def __init__(self, start: Start, kernels: KernelCache, memory: Memory) -> None:
+    def __init__(self, start: Start, kernels: KernelCache) -> None:
         """Begin at t = 0. Raises TaichiDiskError if the scene cannot be computed."""
-        self._memory = memory
         self.start = start
         self.checkpoints: list[Checkpoint] = []
         self.spacing = STORE_SPACING * start.scenario.model.springs.time_unit
@@ -296,8 +273,7 @@ class Timeline:
     @property
     def _spacing(self) -> float:
         """Time between two stored states now [R/c]."""
-        spacing = self.spacing * self._memory.thinning
-        return max(spacing, self.segment.step.dt)
+        return max(self.spacing, self.segment.step.dt)
 
     def go(self, steps: int, seconds: float) -> int:
         """Make at most `steps` steps, within about `seconds` of the clock and up to the
@@ -344,9 +320,8 @@ class Timeline:
             return
         now = self.segment.present
         self.checkpoints.append(now)
-        most = min(MAX_STATES, self._memory.part / now.snapshot.vectors.nbytes)
-        # the part may have become smaller
-        while len(self.checkpoints) >= max(most, 3.0):
+        most = min(MAX_STATES, MAX_BYTES / now.snapshot.vectors.nbytes)
+        if len(self.checkpoints) >= max(most, 3.0):
             self.checkpoints = self.checkpoints[::2]
             self.spacing = (self.checkpoints[-1].t - self.checkpoints[0].t) / (
                 len(self.checkpoints) - 1

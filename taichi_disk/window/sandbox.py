@@ -4,7 +4,6 @@ and goes back in time."""
 from __future__ import annotations
 
 from collections import namedtuple
-from collections.abc import Callable
 from dataclasses import replace
 from math import ceil, exp, inf
 from time import perf_counter
@@ -21,7 +20,6 @@ from taichi_disk.window.history import (
     DISTURBED,
     HIT_AGAIN,
     PULLED,
-    Memory,
     Segment,
     Start,
     Timeline,
@@ -49,9 +47,6 @@ MAX_RESULTS = 200  # most rows of the table of results
 # simulated time per second of the clock while a curve is collected [R/c per s]
 COLLECTING_PACE = 50.0
 COLLECTING_SPACING = 20.0  # factor by which stored states are further apart then
-
-
-StartOf = Callable[[Scene, Lattice | None], Start]  # as `start_of`
 
 
 def load_key(scene: Scene) -> str:
@@ -167,17 +162,9 @@ class Sandbox:
         self,
         scene: Scene,
         kernels: KernelCache,
-        memory: Memory | None = None,
-        report: Callable[[Experiment], None] | None = None,
-        start_of: StartOf = start_of,
     ) -> None:
-        """Begin with `scene`. `report` is called with each undisturbed experiment that
-        has come to its end. `start_of` computes how a scene starts. Raises
-        TaichiDiskError."""
+        """Begin with `scene`. Raises TaichiDiskError."""
         self.kernels = kernels
-        self._memory = memory or Memory()
-        self._report = report
-        self._start_of = start_of
         self.scene = scene
         self.results: list[Experiment] = []
         self.begin()
@@ -189,7 +176,7 @@ class Sandbox:
         Raises TaichiDiskError, and then leaves everything as it was.
         """
         scene = scene or self.scene
-        self.time = Timeline(self._start(scene), self.kernels, self._memory)
+        self.time = Timeline(self._start(scene), self.kernels)
         self.scene = replace(self.time.start.scenario.scene, video=scene.video)
         self.starts = self.starts + 1
         self.paused = True
@@ -204,7 +191,7 @@ class Sandbox:
         """Return how a scene starts, with a given lattice or its own."""
         if self.starts and self.time.start.is_of(scene):
             return self.time.start
-        return self._start_of(scene, body)
+        return start_of(scene, body)
 
     # ---- the present state
 
@@ -247,12 +234,11 @@ class Sandbox:
 
     # ---- time
 
-    def tick(self, max_seconds: float) -> None:
-        """Let the time since the last tick pass, at most MAX_PASSED, and compute for
-        about `max_seconds`."""
+    def tick(self) -> None:
+        """Let the time since the last tick pass, at most MAX_PASSED."""
         before = self._clock
         self._clock = perf_counter()
-        self.advance(min(self._clock - before, MAX_PASSED), max_seconds)
+        self.advance(min(self._clock - before, MAX_PASSED))
 
     def advance(self, seconds: float, max_seconds: float = MAX_COMPUTING_TIME) -> int:
         """Let `seconds` of the clock pass and return the number of steps made.
@@ -307,8 +293,6 @@ class Sandbox:
         words = segment.scenario.words
         experiment = experiment_of(segment)
         self.results = [*self.results, experiment][-MAX_RESULTS:]
-        if self._report and not segment.label:
-            self._report(experiment)
         self.paused = not self.remaining_loads
         digits = printed(experiment.result, experiment.value)
         name, _ = segment.scenario.primary(segment.columns)

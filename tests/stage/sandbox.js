@@ -19,8 +19,6 @@ const HELLO = {
   ],
   keys: [["space", "throw"], ["Left Right", "in time"], ["t", "theme"], ["h", "hit"]],
   repeating: ["Left", "e"],
-  address: "http://desk/1/",
-  code: "data:,",
 };
 function card(more) {
   const numbers = { velocity: 0.04, angle: 0, spin: 0, turn: 0, load: 0, hardness: 300, boundary: "" };
@@ -154,9 +152,8 @@ function record() {
     graph: [2e-4, 4e-4, 0.03, 0.004],
   };
   step("the page opens", () => stage.sockets[0].onopen());
-  step("the program begins", () => {
+  look("the program begins", () => {
     tell(HELLO);
-    tell({ kind: "session", key: "1234", disk: 2, name: "", awaitsFilm: false });
     tell(SCENE);
     tell(GRAPHS);
     show();
@@ -168,13 +165,13 @@ function record() {
     show({ aimed: null, paused: false, atStart: false, hint: "" });
     showState({ number: 2, t: 1.3, centre: [0.22, 0.9], graph: [6e-4, 1e-4, 0.01, -0.03] });
   });
-  step("in contact, with all options", () => {
+  look("in contact, with all options", () => {
     for (const id of ["outline", "path"]) get(id).checked = true;
     show(withValue("video.magnify", 3));
     showState(squeezed);
   });
   step("nothing comes for five seconds", () => wait(5000));
-  step("followed, springs, dark", () => {
+  look("followed, springs, dark", () => {
     get("follow").click();
     show(withValue("video.draw", "springs"));
     show(withValue("video.theme", "dark"));
@@ -200,7 +197,7 @@ function record() {
     window.devicePixelRatio = 1.5;
     resize();
   });
-  step("a narrower one", () => {
+  look("a narrower one", () => {
     size("disk", 300, 500);
     window.devicePixelRatio = 1;
     show({ ...withValue("video.colour", "strain") });
@@ -231,7 +228,7 @@ function record() {
     showState({ number: 7, velocity: [0, 0] });
   });
 
-  step("the end of a throw", () => {
+  look("the end of a throw", () => {
     tell(SCENE);
     tell({ ...GRAPHS, ...CONTACT });
     show({ atStart: false, paused: true, number: 0, results: RESULTS, loadRange: [1e-3, 0.1], status: PANEL.status });
@@ -250,23 +247,21 @@ function record() {
     showState({ number: 10, t: 5.5, graph: [5e-4, -1e-4, 2e-5, 0] });
     showState({ number: 11, t: 7, graph: [6e-4, -5e-4, 0.05, 0.01] });
   });
-  step("the results with eq. (5)", () => {
+  look("the results with eq. (5)", () => {
     get("eq5").click();
     get("tab-results").click();
   });
-  step("those of the class", () => {
-    tell({ kind: "board", first: 0, rows: [{ disk: 1, player: "Ada", ...result({ load: 0.05 }) }] });
-    tell({ kind: "board", first: 1, rows: [{ disk: 2, player: "disk 2", ...result() }] });
-    get("class").click();
-  });
-  step("the class cleared", () => tell({ kind: "board", first: 0, rows: [] }));
   step("computed again", () => show({ again: 0.4 }));
   step("and done, while a curve is collected", () => show({ again: 1, collecting: 3 }));
 
   step("a message", () => show({ message: "too fast" }));
   step("goes", () => wait(6500));
-  step("a film is made", () => tell({ kind: "session", key: "1234", disk: 1, name: "Ada", awaitsFilm: true }));
+  step("a film is made", () => get("film-page").click());
   step("and comes", () => tell({ kind: "film", page: "<html>" }));
+  step("another cannot be made", () => {
+    get("film-page").click();
+    tell({ kind: "film", page: "" });
+  });
   step("all is saved", () => ["picture", "yaml", "csv"].forEach((id) => get(id).click()));
   step("the program is slow", () => {
     get("start").click();
@@ -322,8 +317,6 @@ function record() {
     for (const id of ["closer", "farther", "contact", "all", "fold", "scenes", "film-page"]) get(id).click();
     document.querySelector("#entries [data-play='2']").click();
     document.querySelector("[data-remove='1']")?.click();
-    get("name").value = "Eve";
-    get("name").onchange();
     get("timeline").value = 0.5;
     get("timeline").oninput();
   });
@@ -351,7 +344,7 @@ function record() {
     Object.defineProperties(wheel, { offsetX: { value: 100 }, offsetY: { value: 120 } });
     get("disk").dispatchEvent(wheel);
   });
-  step("two fingers", () => {
+  look("two fingers", () => {
     pointer(get("disk"), "pointerdown", 200, 200, { button: 2 });
     pointer(get("disk"), "pointerdown", 300, 200, { pointerId: 2 });
     pointer(get("disk"), "pointermove", 320, 240, { pointerId: 2 });
@@ -368,7 +361,7 @@ function record() {
     pointer(get("disk"), "pointermove", ...at(0.4, 0.3));
     pointer(get("disk"), "pointerup", ...at(0.4, 0.3));
   });
-  step("the throw is aimed at the arrow's tip, and from beside the disk", () => {
+  look("the throw is aimed at the arrow's tip, and from beside the disk", () => {
     show({ atStart: true });
     showState({ number: 14 });
     drawFrame();
@@ -394,7 +387,7 @@ function record() {
   step("the socket is opened again", () => {
     wait(9000);
     stage.sockets.at(-1).onopen();
-    stage.sockets.at(-1).onclose({ reason: "all disks are in use" });
+    stage.sockets.at(-1).onclose();
   });
   step("and again", () => wait(6000));
   const round = [roundBelow(0.3 - 0.1), roundAbove(0.3 - 0.1), roundBelow(0.1 + 0.2), roundAbove(0.1 + 0.2)];

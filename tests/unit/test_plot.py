@@ -16,9 +16,9 @@ from bodies import computed
 from PIL import Image
 
 from taichi_disk import runtime
-from taichi_disk.output.artist import drawing_process
 from taichi_disk.output.inline import Plot
 from taichi_disk.output.plot import matplotlib_style, plot_run, plot_scene
+from taichi_disk.render.artist import drawing_process
 from taichi_disk.simulation.simulation import shared_kernels
 
 
@@ -82,11 +82,16 @@ def test_matplotlib_is_not_imported_for_names_and_colours_of_the_curves():
     assert done.stdout.splitlines()[-1] == "False"
 
 
-def test_the_fonts_of_a_file_are_those_that_publishers_take():
+@pytest.mark.parametrize(
+    ("form", "name"),
+    [
+        ("pdf", b"/Type3"),
+        pytest.param("ps", b"/FontType 3", marks=pytest.mark.validate),
+    ],
+)
+def test_the_fonts_of_a_file_are_those_that_publishers_take(form, name):
     figure = Plot()
     figure.text(0.5, 0.5, "η* = 5")
-    # type 3 draws letters as paths
-    for form, name in (("pdf", b"/Type3"), ("ps", b"/FontType 3")):
-        file = BytesIO()
-        figure.savefig(file, format=form)
-        assert name not in file.getvalue()
+    file = BytesIO()
+    figure.savefig(file, format=form)
+    assert name not in file.getvalue()  # type 3 draws letters as paths
