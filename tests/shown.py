@@ -51,8 +51,13 @@ for part, *values in colours():
         NAMES.setdefault(value, f"{part} on {ground}")
 
 
+def with_names(text):
+    """Return a text with the names of the colours in it."""
+    return COLOUR.sub(_named, text)
+
+
 def _named(found):
-    """Return the name of a colour in a line, or the colour as it stands there."""
+    """Return the name of a colour in a text, or the colour as it stands there."""
     text = found[0]
     if text.startswith("#"):
         return NAMES.get(text.lower(), text)
@@ -103,11 +108,14 @@ def _allowed(text):
 def check(name, lines, is_recording):
     """Compare `lines` with a recording, or write it."""
     path = LOOKS / f"{name}.txt"
-    named = [COLOUR.sub(_named, line) for line in lines]
+    lines = [with_names(line) for line in lines]
+    known = ""
+    if path.exists():
+        known = with_names(path.read_text(encoding="utf-8"))
     if is_recording:
-        kept = _keep(named, path.read_text(encoding="utf-8") if path.exists() else "")
-        path.write_text("\n".join(kept) + "\n", encoding="utf-8")
-    found = differences("\n".join(named), path.read_text(encoding="utf-8").rstrip("\n"))
+        known = "\n".join(_keep(lines, known)) + "\n"
+        path.write_text(known, encoding="utf-8")
+    found = differences("\n".join(lines), known)
     assert not found, "\n".join(found)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from inspect import signature
@@ -23,6 +24,7 @@ from taichi_disk.errors import (
     NOTICES,
     InputError,
     SimulationError,
+    check_flags,
     did_you_mean,
     nearest,
     whole_number,
@@ -81,6 +83,10 @@ class Result(Outcome):
             self.plot(),
             self.warnings,
         )
+
+    def _repr_png_(self) -> bytes:
+        """Return a picture for documents without HTML, such as those by LaTeX."""
+        return self.plot()._repr_png_()
 
     @property
     def scene(self) -> Scene:
@@ -298,10 +304,11 @@ class Result(Outcome):
     def plot(self) -> Plot:
         """Return the curves of plot.png as a Matplotlib figure, which may be changed
         and saved."""
+        from taichi_disk.output.inline import registered
         from taichi_disk.output.plot import plot_scene, run_figure
 
         quoted = headline(self.summary, self.scenario.words.labels)
-        return run_figure(plot_scene(self.scenario, self.series, quoted))
+        return registered(run_figure(plot_scene(self.scenario, self.series, quoted)))
 
     @runtime.alone()
     def draw(
@@ -322,12 +329,16 @@ class Result(Outcome):
         Displacements are not magnified. Raises InputError for an unknown quantity or
         moment.
         """
+        from taichi_disk.output.inline import registered
         from taichi_disk.render.state_figure import draw_state
 
         scene = self.scene
         if colour:
             scene = scene.with_({"video.colour": colour})
-        return draw_state(self, scene.video, t, ax)
+        figure = draw_state(self, scene.video, t, ax)
+        if ax is None:
+            registered(figure)
+        return figure
 
     def show(
         self,
@@ -433,6 +444,7 @@ class Result(Outcome):
         Raises InputError if `out` holds another run (unless `overwrite`) or files that
         no run wrote.
         """
+        check_flags(video=video, overwrite=overwrite)
         out = as_path(out, "out")
         own = self.scenario.own
         text = self.scenario.stored_scene.to_yaml()
@@ -452,7 +464,7 @@ class Result(Outcome):
     def load(
         cls,
         folder: Path | str,
-        overrides: Sequence[str] = (),
+        overrides: str | Sequence[str] = (),
         progress: Progress | None = None,
         estimate: bool = True,
     ) -> Result:
@@ -556,6 +568,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
     if changes:
         _check_arguments(scene, changes)
         scene = scene.with_(changes)
+    check_flags(video=video, overwrite=overwrite, count_on=count_on, force=force)
     if lattices is not None:
         whole_number(lattices, "lattices", MOST_LATTICES)
     # reads the files of a lattice and velocities only once, because they may change
@@ -567,6 +580,11 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
             raise InputError("export: needs a folder, `out`")
         outcome = work.solve(work.build(threads), **options)
         return Result(**vars(outcome))
+    if isinstance(out, str) and re.match(r"[\w.]+=", out):
+        raise InputError(
+            f"out: {out} looks like a change of the scene: write it as a key, as in"
+            f" run(scene, velocity=0.1), or the folder as ./{out}"
+        )
     out = as_path(out, "out")
     text = own.repeating(work.scene).to_yaml()
     with run_folder(out, text, count_on, overwrite, own.digest) as folder:

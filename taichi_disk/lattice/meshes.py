@@ -72,14 +72,13 @@ def _check(content: bytes) -> None:
     if re.search(rb"^\*INCLUDE", content, re.M | re.I):
         raise InputError("it includes another file: write both into one (*INCLUDE)")
     _, _, nodes = content.partition(b"$Nodes")
-    nodes, _, _ = nodes.partition(b"$EndNodes")
     numbers = re.findall(rb"^ *([0-9]+)\s", nodes, re.M)
     largest = max(map(int, numbers), default=0)
     # meshio makes a table of all numbers up to the largest
     if largest > MOST_NUMBERS * len(numbers):
         raise InputError(
-            f"a node has the number {largest}, of {len(numbers)} or fewer: number the"
-            " nodes from 1 on (RenumberMeshNodes in gmsh)"
+            f"a node has the number {largest}, far more than there are: number them"
+            " from 1 on (RenumberMeshNodes in gmsh)"
         )
 
 
@@ -95,13 +94,10 @@ def _triangles_of(mesh: Any) -> Long:
                 f"the mesh has {len(block.data)} cells of the kind {block.type}: mesh"
                 " the disk with triangles only"
             )
-    if not triangles and "gmsh:physical" in mesh.cell_data:
-        groups = ", ".join(mesh.field_data) or "without a name"
-        raise InputError(
-            f"the mesh has no triangles, only the physical groups {groups}: gmsh leaves"
-            " out what is in no group, so make the surface a group, too (Physical"
-            " Surface)"
-        )
     if not triangles:
-        raise InputError("the mesh has no triangles")
+        groups = ", ".join(mesh.field_data) or "none"
+        raise InputError(
+            f"the mesh has no triangles (physical groups: {groups}); if there are"
+            " groups, gmsh leaves out what is in none: add a Physical Surface"
+        )
     return np.concatenate(triangles)

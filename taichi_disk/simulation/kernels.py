@@ -163,12 +163,12 @@ class Kernels(Stepping):
     @ti.func
     def inverted(self):
         """Return the number of triangles that are turned inside out."""
+        x = ti.static(self.state.x)
+        i, j, k = ti.static(self.state.corners)
         count = 0
-        for k in range(self.state.triangles[None]):
-            first = get(self.state.x, self.state.corners[0][k])
-            side = get(self.state.x, self.state.corners[1][k]) - first
-            other = get(self.state.x, self.state.corners[2][k]) - first
-            count += side[0] * other[1] < side[1] * other[0]
+        for t in range(self.state.triangles[None]):
+            corner = get(x, i[t])
+            count += (get(x, j[t]) - corner).cross(get(x, k[t]) - corner) < 0.0
         return count
 
 

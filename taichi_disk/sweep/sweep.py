@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from filelock import FileLock, Timeout
 
 from taichi_disk.config.tree import as_path
-from taichi_disk.errors import NOTICES, InputError, by_kind, whole_number
+from taichi_disk.errors import NOTICES, InputError, by_kind, check_flags, whole_number
 from taichi_disk.lattice import file_digest
 from taichi_disk.output.files import (
     prepare_output,
@@ -103,6 +103,12 @@ class SweepResult:
             self.summary["warnings"],
         )
 
+    def _repr_png_(self) -> bytes | None:
+        """Return a picture for documents without HTML, such as those by LaTeX."""
+        if len(self.failed) == len(self.rows):
+            return None
+        return self.plot()._repr_png_()
+
     def plot(self, x: str | None = None, y: str | None = None) -> Plot:
         """Return a figure of Matplotlib, which may be changed and saved.
 
@@ -117,6 +123,7 @@ class SweepResult:
         """
         from taichi_disk.figures.curves import analyse
         from taichi_disk.figures.drawing import figure_to_change
+        from taichi_disk.output.inline import registered
 
         axes = self.sweep.axes
         if x is not None and x not in axes:
@@ -125,7 +132,7 @@ class SweepResult:
         if not diagram.curves:
             columns = ", ".join(self.rows[0])
             raise InputError(f"y: no row has a number {diagram.y}; there are {columns}")
-        return figure_to_change(diagram)
+        return registered(figure_to_change(diagram))
 
     def dataframe(self) -> DataFrame:
         """Return the rows as a table of pandas. Raises TaichiDiskError if pandas is not
@@ -181,6 +188,7 @@ def run_sweep(
     progress = progress or silent
     if not isinstance(sweep, Sweep):
         raise InputError(f"sweep: must be what load_sweep returns, not {sweep!r:.60}")
+    check_flags(estimate=estimate)
     if jobs is not None:
         whole_number(jobs, "jobs", MAX_JOBS)
     keys = [point_key(scene) for scene in sweep.scenes]
@@ -225,7 +233,7 @@ def _counted_warnings(results: Sequence[PointResult]) -> list[str]:
     texts = [text for result in results for text in result.warnings]
     return [
         f"{count} of {len(results)} points have a warning: {text}"
-        for count, text in by_kind(texts)
+        for text, count in by_kind(texts).items()
     ]
 
 

@@ -589,10 +589,11 @@ def answering(answer: bytes) -> Iterator[str]:
     [
         nullcontext("tcp://127.0.0.1:9"),
         nullcontext("nonsense://x"),
+        answering(b""),
         answering(HTTP),
         answering(b"\x01" + bytes(1000)),
     ],
-    ids=("nobody", "nonsense", "http", "bytes"),
+    ids=("nobody", "nonsense", "mute", "http", "bytes"),
 )
 def test_an_address_without_a_scheduler_is_refused_soon(address, tmp_path, monkeypatch):
     pytest.importorskip("distributed")

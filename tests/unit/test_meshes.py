@@ -148,9 +148,9 @@ $EndElements
         (
             "a.msh",
             CURVE.format(last=2),
-            "only the physical groups rim: gmsh leaves",
+            r"\(physical groups: rim\); if there",
         ),
-        ("a.msh", CURVE.format(last=10**13), "has the number 10000000000000, of 3 or"),
+        ("a.msh", CURVE.format(last=10**13), "has the number 10000000000000, far"),
         ("a.inp", "*NODE\n1,0,0\n*Include,INPUT=a.inp\n", "it includes another file"),
         ("a.dat", "0 1\n", r"it is no .dat file\): write its points as a table"),
         ("a.xyz", "0\n", r"write its points as a table \(.csv\)"),

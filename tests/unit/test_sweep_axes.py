@@ -29,8 +29,9 @@ def test_axes_multiply_and_the_last_varies_fastest():
 
 
 def test_each_point_is_the_scene_that_overrides_would_make():
-    # An axis from Python may be an array.
-    axes = {"velocity": np.array([0.01, 0.02]), "seed": (3,), "wall.V0": [7.0]}
+    # An axis from Python may be an array or anything else that has values.
+    seeds = (seed for seed in (3.0,))
+    axes = {"velocity": np.array([0.01, 0.02]), "seed": seeds, "wall.V0": [7.0]}
     sweep = load_sweep({"scene": "exponential_wall", "sweep": axes})
     block = {"velocity": (0.01, 0.02), "seed": (3,), "wall.V0": (7.0,)}
     assert sweep.blocks == (block,)

@@ -33,6 +33,7 @@ def faults(path, text, *overrides):
 
 FAULTS = """
 velocity: 1 | 2:1: velocity: unknown key; did you mean impact.velocity?
+impact.velocity: 1 | 2:1: impact.velocity: no dotted key here: write impact: {v
 wall: {v0: 3} | 2:8: wall.v0: unknown key; did you mean V0?
 impact: {eta_star: 3} | 2:10: impact.eta_star: unknown key; did you mean
 impact: {slant: 3} | 2:10: impact.slant: unknown key; impact has velocity, angle,
@@ -128,7 +129,7 @@ def faulty_scenes(draw):
     return "\n".join(lines), options, expected
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(scene=faulty_scenes())
 def test_all_faults_are_listed_together_in_the_order_of_the_file(path, scene):
     text, options, expected = scene
@@ -253,7 +254,7 @@ def try_to_load(source, *overrides):
         assert str(error).encode()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     text=SOUP.map(" ".join) | SOUP.map("".join) | st.text(),
     data=st.binary(max_size=200),
