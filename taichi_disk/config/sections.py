@@ -453,3 +453,10 @@ class VideoSection(Section):
         if fps == "auto":
             fps = 15 if form == "gif" else 30
         return size, fps
+
+
+# Ends of the sliders of pages, inside the bounds of the keys.
+SLIDERS = {
+    "material.eta_star": (0.0, 100.0),
+    "impact.velocity": (1e-3, 0.1),
+}

@@ -12,7 +12,7 @@ export const LETTERS = 12; // usual size of the letters [px]
 const NAMES = 8.7; // width for the names of the curves, over the size of the letters
 const NAMES_PART = 0.45; // at most this part of a plot's width
 const LINE_HEIGHT = 1.2; // of a name, over the size of the letters
-const WIDE = 160; // axis of time with room for a number in its middle [px]
+export const WIDE = 160; // axis of time with room for a number in its middle [px]
 
 // Write names, each with the curve whose colours it has, if any.
 export function legend(caption, names) {
