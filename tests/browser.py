@@ -153,7 +153,7 @@ class Browser:
         text = self.script("return JSON.stringify(window.sandbox.panel.results)")
         return list(json.loads(text))
 
-    def setting(self, name: str, word: bool = False) -> Any:
+    def setting(self, name: str) -> float:
         """Return a value of the scene that would be saved."""
         found = re.search(
             rf"^  {name}:( \S+)",
@@ -161,7 +161,7 @@ class Browser:
             re.MULTILINE,
         )
         assert found
-        return found[1] if word else float(found[1])
+        return float(found[1])
 
     def number(self, key: str) -> float:
         """Return the number in the field beside a slider."""
