@@ -1,7 +1,5 @@
 """Chromium or Firefox on a page, and the program that serves it."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json
