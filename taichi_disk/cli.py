@@ -96,10 +96,13 @@ def _print_error(text: str) -> None:
 
 
 class _Notes(logging.Handler):
-    """Prints notices."""
+    """Prints notices, warnings, and errors after which a command goes on."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        _print_error(f"note: {record.getMessage()}")
+        kind = "note"
+        if record.levelno > logging.INFO:
+            kind = record.levelname.lower()
+        _print_error(f"{kind}: {record.getMessage()}")
 
 
 def _load(arguments: argparse.Namespace, what: str = "scene") -> Any:
@@ -132,6 +135,7 @@ def _run(arguments: argparse.Namespace) -> int:
     scene = _load(arguments)
 
     from taichi_disk.api import run
+    from taichi_disk.api.work import ERRORS
     from taichi_disk.output.report import print_result
 
     options = _options(
@@ -145,15 +149,8 @@ def _run(arguments: argparse.Namespace) -> int:
         result = run(scene, _out(arguments), progress=progress, **options)
     summary = result.summary
     print_result(summary, result.scenario.words.labels, result.out)
-    for text in summary.get("notes", ()):
-        NOTICES.info(text)
-    reasons = [summary.get("video_error"), summary.get("export_error")]
-    if summary["status"] != "done":
-        reasons.append(summary["reason"])
-    errors = [text for text in reasons if text]
-    for text in errors:
-        _print_error(f"error: {text}")
-    return int(bool(errors))
+    is_complete = summary["status"] == "done" and not {*summary} & {*ERRORS.values()}
+    return int(not is_complete)
 
 
 def _sweep(arguments: argparse.Namespace) -> int:

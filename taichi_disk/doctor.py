@@ -4,17 +4,15 @@ drivers may crash."""
 from __future__ import annotations
 
 import platform
-from concurrent.futures import BrokenExecutor, TimeoutError, wait
+from concurrent.futures import BrokenExecutor, TimeoutError
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import monotonic
 
 from taichi_disk import engine
 from taichi_disk.engine.environment import CACHE, cache_folder, keeps_kernels
 from taichi_disk.machine import REMEDY, cores, processor
-from taichi_disk.processes.pool import Pool
+from taichi_disk.processes.pool import Pool, awaited
 from taichi_disk.scenes import load_scene
-from taichi_disk.signals import POLL_INTERVAL, raise_if_interrupted
 
 SETTINGS = [
     "lattice.points=20",
@@ -76,12 +74,7 @@ def try_run() -> tuple[str, bool]:
     try:
         with TemporaryDirectory() as folder:
             out = Path(folder, "run")
-            future = pool.submit(film_small, out, SETTINGS)
-            until = monotonic() + SECONDS
-            while not future.done() and monotonic() < until:
-                raise_if_interrupted()
-                wait([future], POLL_INTERVAL)
-            trouble = future.result(0.0)
+            trouble = awaited(pool.submit(film_small, out, SETTINGS).result, SECONDS)
             return trouble, not trouble and (out / "video.mp4").is_file()
     except TimeoutError:
         return f"no answer within {SECONDS} s", False

@@ -53,11 +53,7 @@ def pytest_make_parametrize_id(val, argname):
 @pytest.fixture
 def kernels():
     """Return the KernelCache of this process, because compiling takes most of the
-    tests' time.
-
-    A simulation from it is reset when another test asks for one with the same laws and
-    integrator.
-    """
+    tests' time."""
     from taichi_disk import runtime
     from taichi_disk.simulation.simulation import shared_kernels
 

@@ -7,7 +7,7 @@ import re
 import tempfile
 from pathlib import Path
 
-from taichi_disk.web.drawing import DRAWING, bundle, source
+from taichi_disk.web.drawing import DRAWING, FILM, bundle, source
 from tests.browser import Browser
 
 FOLDER = Path(__file__).with_name("stage")
@@ -43,7 +43,7 @@ def sandbox() -> str:
 def film() -> str:
     """Return a film of film.js, and what a user does with it."""
     main = part("film.html", r"<main.*(?=<script type=.module)")
-    modules = bundle(*DRAWING, "controls.js", "film.js")
+    modules = bundle(*FILM)
     end = acts("film_acts.js")
     return staged(main, f"{acts('film.js')} await packFilm(); {modules} {{ {end} }}")
 

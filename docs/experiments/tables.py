@@ -53,7 +53,7 @@ def write(name: str, rows: list[Row]) -> None:
 
 def fitted(curve: Row, law: str, prefix: str = "") -> Row:
     """Return the parameters of a fit with their intervals, the root mean square of its
-    residuals, and chi square per degree of freedom."""
+    residuals, and how often chance makes the law fit as badly."""
     fit = curve["fits"][law]
     row: Row = {}
     for name, value in fit["values"].items():
@@ -62,7 +62,7 @@ def fitted(curve: Row, law: str, prefix: str = "") -> Row:
             row[f"{prefix}{name}_low"], row[f"{prefix}{name}_high"] = fit[
                 "intervals_95"
             ][name]
-    for name in ("rms_residual", "chi_square"):
+    for name in ("rms_residual", "p_value"):
         if fit[name] is not None:
             row[prefix + name] = fit[name]
     return row

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from inspect import signature
@@ -23,16 +24,17 @@ from taichi_disk.errors import (
     NOTICES,
     InputError,
     SimulationError,
+    check_flags,
     did_you_mean,
     nearest,
     whole_number,
 )
 from taichi_disk.lattice import Array, Lattice, disk_of, numbers
 from taichi_disk.output import files
-from taichi_disk.output.artist import drawing_process
 from taichi_disk.output.report import headline, rows, shown
 from taichi_disk.output.run_folder import run_folder
 from taichi_disk.progress import Progress, reported, silent
+from taichi_disk.render.artist import drawing_process
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.scenes.scene import DiskScene
 from taichi_disk.signals import raise_if_interrupted
@@ -66,6 +68,8 @@ class Result(Outcome):
             name, value = next(iter(self.numbers.items()))
             parts = shown(value, self.error, exact=self.scenario.static)
             number = " ".join((name, *parts)).strip()
+        if self.warnings:
+            number += ", see .warnings"
         return (
             f"Result({self.scene.scene}, {self.lattice.disk_points} points, {number})"
         )
@@ -77,6 +81,7 @@ class Result(Outcome):
             "    ".join(self.scenario.words.title).replace("    ", " · "),
             rows(self.summary, self.scenario.words.labels),
             self.plot(),
+            self.warnings,
         )
 
     @property
@@ -115,6 +120,11 @@ class Result(Outcome):
                 f" {', '.join(self.numbers)}"
             )
         return self.numbers[name]
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is doubtful about the result; the logger `taichi_disk` has said it."""
+        return list(self.summary["warnings"])
 
     @property
     def error(self) -> float | None:
@@ -425,6 +435,7 @@ class Result(Outcome):
         Raises InputError if `out` holds another run (unless `overwrite`) or files that
         no run wrote.
         """
+        check_flags(video=video, overwrite=overwrite)
         out = as_path(out, "out")
         own = self.scenario.own
         text = self.scenario.stored_scene.to_yaml()
@@ -444,7 +455,7 @@ class Result(Outcome):
     def load(
         cls,
         folder: Path | str,
-        overrides: Sequence[str] = (),
+        overrides: str | Sequence[str] = (),
         progress: Progress | None = None,
         estimate: bool = True,
     ) -> Result:
@@ -548,6 +559,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
     if changes:
         _check_arguments(scene, changes)
         scene = scene.with_(changes)
+    check_flags(video=video, overwrite=overwrite, count_on=count_on, force=force)
     if lattices is not None:
         whole_number(lattices, "lattices", MOST_LATTICES)
     # reads the files of a lattice and velocities only once, because they may change
@@ -559,6 +571,11 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
             raise InputError("export: needs a folder, `out`")
         outcome = work.solve(work.build(threads), **options)
         return Result(**vars(outcome))
+    if isinstance(out, str) and re.match(r"[\w.]+=", out):
+        raise InputError(
+            f"out: {out} looks like a change of the scene: write it as a key, as in"
+            f" run(scene, velocity=0.1), or the folder as ./{out}"
+        )
     out = as_path(out, "out")
     text = own.repeating(work.scene).to_yaml()
     with run_folder(out, text, count_on, overwrite, own.digest) as folder:
@@ -573,6 +590,8 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
             work.write(folder, outcome, artist, video, export)
     if folder.failure:
         outcome.summary.update(status="failed", reason=folder.failure)
+    if outcome.summary["status"] != "done":
+        NOTICES.error(outcome.summary["reason"])
     # without room for anything there is no folder
     written = folder.out if folder.out.is_dir() else None
     return Result(**vars(outcome), out=written)

@@ -18,20 +18,22 @@ from taichi_disk.api.lattices import compare_lattices, lattice_count
 from taichi_disk.computation.diagnostics import BlowUp
 from taichi_disk.computation.outcome import Outcome, compute
 from taichi_disk.computation.scenario import Scenario
-from taichi_disk.errors import NoPictures, SimulationError
+from taichi_disk.errors import NOTICES, NoPictures, SimulationError
 from taichi_disk.lattice import Lattice, own_start
 from taichi_disk.output import files
-from taichi_disk.output.artist import Artist
 from taichi_disk.output.plot import plot_run, plot_scene
 from taichi_disk.output.report import headline
 from taichi_disk.output.run_folder import RunFolder
 from taichi_disk.progress import Progress, silent
+from taichi_disk.render.artist import Artist
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import body_of, spectrum_of
 from taichi_disk.simulation.simulation import shared_kernels
 
 FRAMES = 200  # default number of frames of a trajectory
 MOST_FRAMES = 100_000
+# keys of the summary that say why a file is missing, by stage
+ERRORS = {"export": "export_error", "film": "video_error"}
 
 
 class Work:
@@ -91,8 +93,8 @@ class Work:
     def solve(
         self, scenario: Scenario, lattices: int | None = None, **options: Any
     ) -> Outcome:
-        """Compute `scenario` and return the outcome with a complete summary. Options
-        and errors as for `compute`."""
+        """Compute `scenario`, pass on notes and warnings, and return the outcome with a
+        complete summary. Options and errors as for `compute`."""
         scene = self.scene
         if self.own.disk is None:
             options["spectrum_of"] = partial(spectrum_of, scene)
@@ -112,6 +114,10 @@ class Work:
         notes = [*lattice.notes, *scene.notes(lattice.disk_points), *notes]
         if notes:
             summary["notes"] = notes
+        for text in notes:
+            NOTICES.info(text)
+        for text in summary["warnings"]:
+            NOTICES.warning(text)
         self.summary = summary
         return replace(outcome, summary=summary)
 
@@ -237,16 +243,18 @@ def _film(path: Path, outcome: Outcome, artist: Artist, progress: Progress) -> N
     except NoPictures as error:
         film(path / "video.html", [outcome], section, progress)
         text = f"the film is video.html, a page for any browser, because {error}"
+        NOTICES.info(text)
         _add(outcome.summary, "notes", text)
 
 
 def _note_failure(summary: dict[str, Any], stage: str, text: str) -> None:
-    if stage == "export":
-        summary["export_error"] = text
-    elif stage == "film":
-        summary["video_error"] = text
-    else:
-        _add(summary, "warnings", f"there is no plot.png: {text}")
+    if stage in ERRORS:
+        summary[ERRORS[stage]] = text
+        NOTICES.error(text)
+        return
+    warning = f"there is no plot.png: {text}"
+    _add(summary, "warnings", warning)
+    NOTICES.warning(warning)
 
 
 def _add(summary: dict[str, Any], key: str, text: str) -> None:

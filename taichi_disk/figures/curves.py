@@ -107,8 +107,7 @@ def _fit_summary(fit: Fit) -> dict[str, Any]:
         "values": {name: _number(value) for name, value in fit.values.items()},
         "intervals_95": intervals,
         "rms_residual": _number(fit.rms),
-        "chi_square": _number(fit.chi_square),
-        "holds": fit.holds,
+        "p_value": _number(fit.p_value),
         "residuals": [_number(value) for value in fit.residuals],
     }
 

@@ -1,5 +1,5 @@
-"""Draw the curves of a sweep, with the laws that hold, as wide as a column of a
-journal."""
+"""Draw the curves of a sweep, with the laws that they do not refute, as wide as a
+column of a journal."""
 
 from __future__ import annotations
 
@@ -215,10 +215,11 @@ def _draw_curve(ax: Axes, layout: Layout, curve: Curve, style: dict[str, Any]) -
 
 
 def _is_drawn(name: str, curve: Curve) -> bool:
-    """Return whether the line of a law is drawn: it can be fitted, and holds."""
+    """Return whether the line of a law is drawn: it can be fitted, and is not
+    refuted."""
     fit = curve.fits[name]
     is_fitted = np.isfinite(list(fit.values.values())).all()
-    return bool(LAWS[name].line and is_fitted and fit.holds)
+    return bool(LAWS[name].line and is_fitted and not fit.is_refuted)
 
 
 def _draw_laws(ax: Axes, layout: Layout, curve: Curve, colour: Any) -> None:
@@ -233,7 +234,7 @@ def _draw_laws(ax: Axes, layout: Layout, curve: Curve, colour: Any) -> None:
 
 
 def _caption(curves: Sequence[Curve]) -> str:
-    """Say what the bars are, and which laws fail."""
+    """Say what the bars are, and which laws are refuted."""
     lines = []
     counts = set()
     for curve in curves:
@@ -242,19 +243,19 @@ def _caption(curves: Sequence[Curve]) -> str:
     if counts:
         lattices = " or ".join(map(str, sorted(counts)))
         lines.append(f"Bars: 95 % interval of the mean, {lattices} lattices.")
-    failures = []
+    refuted = []
     for name, law in LAWS.items():
         tried = [curve for curve in curves if law.line and name in curve.fits]
-        failing = [curve for curve in tried if not curve.fits[name].holds]
-        if failing:
+        refuting = [curve for curve in tried if curve.fits[name].is_refuted]
+        if refuting:
             where = ""
-            if len(failing) < len(tried):
-                labels = [curve_label(curve.label) for curve in failing]
+            if len(refuting) < len(tried):
+                labels = [curve_label(curve.label) for curve in refuting]
                 where = f" for {'; '.join(labels)}"
             title = law.title[0].upper() + law.title[1:]
-            failures.append(f"{title} fails{where}.")
-    if failures:
-        lines.append(fill(" ".join(failures), MAX_LINE))
+            refuted.append(f"{title} is refuted{where}.")
+    if refuted:
+        lines.append(fill(" ".join(refuted), MAX_LINE))
     return "\n".join(lines)
 
 

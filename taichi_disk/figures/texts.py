@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from taichi_disk.figures.curves import CURVE_KEYS, LAWS
+from taichi_disk.figures.theory import SIGNIFICANCE
 
 
 def curve_rows(
@@ -21,7 +22,10 @@ def curve_rows(
         keys.append(_counted(curve["lattices"]))
         laws = []
         for name, fit in curve["fits"].items():
-            laws.append((LAWS[name].title, _fit_text(fit)))
+            parts = _parameters(fit)
+            if fit["rms_residual"] is not None:  # it is a law that can be fitted
+                parts.append(_verdict(fit, curve["lattices"]))
+            laws.append((LAWS[name].title, "   ".join(parts)))
         yield ", ".join(keys), laws
 
 
@@ -37,9 +41,9 @@ def _counted(lattices: int) -> str:
     return f"{lattices} lattices"
 
 
-def _fit_text(fit: dict[str, Any]) -> str:
-    """Return the fitted parameters with their 95 % intervals, "none" if the law cannot
-    be fitted, and whether it holds."""
+def _parameters(fit: dict[str, Any]) -> list[str]:
+    """Return each fitted parameter with its 95 % interval, or "none" if the law cannot
+    be fitted."""
     parts = []
     for name, value in fit["values"].items():
         if value is None:
@@ -50,9 +54,13 @@ def _fit_text(fit: dict[str, Any]) -> str:
         if low is not None and high is not None:
             part += f" [{low:.4g}, {high:.4g}]"
         parts.append(part)
-    if not fit["holds"]:
-        parts.append(
-            f"rms {fit['rms_residual']:.2g}, chi square {fit['chi_square']:.3g} for 1:"
-            " the law does not hold here"
-        )
-    return "   ".join(parts)
+    return parts
+
+
+def _verdict(fit: dict[str, Any], lattices: int) -> str:
+    p_value = fit["p_value"]
+    if p_value is None:
+        return "not tested: too few lattices or points"
+    if p_value < SIGNIFICANCE:
+        return f"refuted (p = {p_value:.1g}): off by {fit['rms_residual']:.2g} (rms)"
+    return f"not refuted by {lattices} lattices (p = {p_value:.2g})"

@@ -7,8 +7,8 @@ are those of Kuninaka and Hayakawa's paper, whose E_* = E/(1 - nu^2) holds for p
 strain; for plane stress pass E as `e_star`.
 
 A fit weights each point by its standard error over lattices. The results of one lattice
-at several speeds or pressures are not independent, so the confidence intervals are
-found by leaving out one lattice after the other (jackknife; Tukey 1958).
+at several speeds or pressures are not independent, so confidence intervals and the test
+of a law come from leaving out one lattice after the other (jackknife; Tukey 1958).
 """
 
 from __future__ import annotations
@@ -27,9 +27,10 @@ from taichi_disk.scenes.compression import paper_compression
 Prediction = Callable[[Array], Array]  # maps tau0 (k,) to e (k, velocities)
 # number of lattices from which their scatter is known well enough to weight points
 MIN_LATTICES = 5
-# how rarely a chi square as large as that of a law that holds is due to chance
+# A law is refuted if chance makes it fit as badly less often than this.
 SIGNIFICANCE = 0.01
 MAX_TAU0 = 2.0  # largest tau0 at e_star = 1 [R/c]
+START = 0.1  # where the search for it begins
 # relative tolerance of the integration of eq. (4); the error of e is 2e-10
 IMPACT_TOLERANCE = 1e-9
 
@@ -50,34 +51,18 @@ class Fit:
 
     values: dict[str, float]  # parameters by name
     # 95 % confidence intervals over lattices; empty for a single lattice
-    intervals: dict[str, tuple[float, float]]
+    intervals: dict[str, list[float]]
     residuals: Array  # (points,) mean over lattices minus the fit
-    # (points,) standard errors over lattices, by which points are weighted; NaN if they
-    # are not known
-    errors: Array
-    # degrees of freedom: points minus parameters, and lattices minus 1
-    freedom: tuple[int, int]
+    # how often a law that holds fits so badly by chance; NaN if this cannot be known
+    p_value: float
 
     @property
     def rms(self) -> float:
         return float(np.sqrt(np.mean(self.residuals**2)))
 
     @property
-    def chi_square(self) -> float:
-        """Chi square per degree of freedom; NaN if it cannot be known."""
-        if self.freedom[0] < 1:
-            return np.nan
-        squares = (self.residuals / self.errors) ** 2
-        return float(squares.sum()) / self.freedom[0]
-
-    @property
-    def holds(self) -> bool:
-        """Whether the law agrees with the lattices, as far as their errors tell."""
-        from scipy.special import fdtrc
-
-        # Errors from a few lattices are uncertain, which the F distribution knows.
-        by_chance = fdtrc(*self.freedom, self.chi_square)
-        return not by_chance < SIGNIFICANCE
+    def is_refuted(self) -> bool:
+        return self.p_value < SIGNIFICANCE
 
 
 def fit_b(pressure: Array, xi: Array, young: float, poisson: float) -> Fit:
@@ -86,17 +71,17 @@ def fit_b(pressure: Array, xi: Array, young: float, poisson: float) -> Fit:
     `young`: E [M c^2/R^2]. The `values` of the fit also contain the smallest, median
     and largest b of fits to single lattices.
     """
-    scale = _scale(xi, xi.mean(0))
+    equal = xi.mean(0)
 
     def law(b: float) -> Array:
         return paper_compression(pressure, young, poisson, max(b, 1e-6))
 
-    def solve(mean: Array) -> list[float]:
+    def solve(mean: Array, scale: Array) -> list[float]:
         (b,) = least_squares(law, mean, scale, [1.0])
         return [max(b, 0.0)]
 
-    fit = _fit(("b",), solve, law, xi)
-    of_lattices = [solve(one)[0] for one in xi]
+    fit = _fit(("b",), solve, law, xi, equal)
+    of_lattices = [solve(one, equal)[0] for one in xi]
     scatter = {
         "b_min": min(of_lattices),
         "b_median": float(np.median(of_lattices)),
@@ -109,43 +94,34 @@ def fit_restitution(velocity: Array, e: Array) -> Fit:
     """Fit d1 and d2 of eq. (5) to e (lattices, velocities); `velocity` [c], where c is
     the paper's."""
     s = 1.0 / np.sqrt(np.log(4.0 / velocity))
-    scale = _scale(e, np.ones(len(s)))
 
-    # Eq. (5) squared is a line: e^2 = A - B s with A = d1^2 and B = d1^2 d2. The line
-    # that fits e^2 is the start of the fit to e.
-    def root(A: float, B: float) -> Array:
-        return np.sqrt(np.maximum(A - B * s, 0.0))
-
-    def solve(mean: Array) -> list[float]:
-        slope, level = np.polyfit(s, mean**2, 1)
-        A, B = least_squares(root, mean, scale, [level, -slope])
+    # Eq. (5) squared is a line: e^2 = A - B s with A = d1^2 and B = d1^2 d2. An error
+    # of e is one of e^2 that is 2 e times as large.
+    def solve(mean: Array, scale: Array) -> list[float]:
+        slope, A = np.polyfit(s, mean**2, 1, w=0.5 / (mean * scale)).tolist()
         if A <= 0.0:
-            return [np.nan, B / A]
-        return [A**0.5, B / A]
+            return [np.nan, -slope / A]
+        return [A**0.5, -slope / A]
 
     def law(d1: float, d2: float) -> Array:
         return paper_restitution(velocity, d1, d2)
 
-    return _fit(("d1", "d2"), solve, law, e)
+    return _fit(("d1", "d2"), solve, law, e, np.ones(len(s)))
 
 
 def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
     """Fit tau0 [R/c] of eq. (4) to e (lattices, velocities); `velocity` [c], `e_star`
     [M c^2/R^2]."""
     predict = quasistatic_curves(tuple(velocity.tolist()), e_star)
-    grid = e_star**-0.5 * np.geomspace(1e-3, MAX_TAU0, 48, dtype=np.float64)
-    on_grid = predict(grid)
-    scale = _scale(e, np.ones(len(velocity)))
 
     def law(tau0: float) -> Array:
-        return predict(np.array([tau0]))[0]
+        return predict(np.array([abs(tau0)]))[0]
 
-    def solve(mean: Array) -> list[float]:
-        squares = ((on_grid - mean) / scale) ** 2
-        nearest = grid[squares.sum(axis=1).argmin()]
-        return least_squares(law, mean, scale, [nearest])
+    def solve(mean: Array, scale: Array) -> list[float]:
+        (tau0,) = least_squares(law, mean, scale, [START * e_star**-0.5])
+        return [abs(tau0)]
 
-    return _fit(("tau0",), solve, law, e)
+    return _fit(("tau0",), solve, law, e, np.ones(len(velocity)))
 
 
 @lru_cache(maxsize=4)  # shared by all curves of a figure
@@ -211,14 +187,14 @@ def fit_curvature(x: Array, y: Array) -> Fit:
     # Negative values are concave, the paper's "convex upwards".
     halves = np.split(np.arange(len(x)), [len(x) // 2])
 
-    def solve(mean: Array) -> list[float]:
+    def solve(mean: Array, _scale: Array) -> list[float]:
         parabolas = [np.polyfit(x[half], mean[half], 2) for half in halves]
         return [2.0 * float(powers[0]) for powers in parabolas]
 
     def law(*_curvatures: float) -> Array:
         return np.full(len(x), np.nan)
 
-    return _fit(("slow_half", "fast_half"), solve, law, y)
+    return _fit(("slow_half", "fast_half"), solve, law, y, np.ones(len(x)))
 
 
 def least_squares(
@@ -236,50 +212,72 @@ def least_squares(
     return found.x.tolist()
 
 
-def _scale(y: Array, otherwise: Array) -> Array:
-    """Return the errors of y (lattices, points) by which a fit is weighted."""
-    errors = standard_errors(y)
-    if np.isfinite(errors).all():
-        return errors
-    return otherwise
-
-
-def standard_errors(y: Array) -> Array:
-    """Return the standard errors (points,) of means over y (lattices, points); NaN for
-    few lattices, and if they do not differ."""
-    errors = np.full(y.shape[1], np.nan)
-    if len(y) >= MIN_LATTICES:
-        errors = y.std(0, ddof=1) / len(y) ** 0.5
-    errors[errors == 0.0] = np.nan
-    return errors
-
-
 def _fit(
     names: tuple[str, ...],
-    solve: Callable[[Array], list[float]],
+    solve: Callable[[Array, Array], list[float]],
     law: Callable[..., Array],
     y: Array,
+    equal: Array,
 ) -> Fit:
     """Return the fit of a law to the mean of y (lattices, points), with intervals of
     the jackknife.
 
-    `solve` maps a mean (points,) to parameters, and `law` parameters to values
-    (points,).
+    `solve` maps a mean (points,) and the errors (points,) that weight it to parameters,
+    and `law` parameters to values (points,). `equal`: the errors if those of the points
+    are not known, because lattices are few or do not differ.
     """
     n = len(y)
-    mean = y.mean(0)
-    best = solve(mean)
+    is_weighted = n >= MIN_LATTICES and bool(y.std(0).all())
+
+    def scale_of(lattices: Array) -> Array:
+        if is_weighted:
+            return lattices.std(0, ddof=1)
+        return equal
+
+    def fitted(lattices: Array) -> list[float]:
+        return solve(lattices.mean(0), scale_of(lattices))
+
+    best = fitted(y)
+    values = law(*best)
     intervals = {}
+    p_value = np.nan
     if n > 1:
-        without_one = np.array([solve((n * mean - one) / (n - 1)) for one in y])
-        errors = np.sqrt(n - 1) * without_one.std(axis=0)
-        for name, value, error in zip(names, best, errors.tolist(), strict=True):
-            reach = half_width_95(error, n)
-            intervals[name] = (value - reach, value + reach)
+        without_one = [fitted(np.delete(y, k, axis=0)) for k in range(n)]
+        errors = np.sqrt(n - 1) * np.std(without_one, axis=0)
+        reach = half_width_95(1.0, n) * errors
+        limits = np.transpose([best - reach, best + reach]).tolist()
+        intervals = dict(zip(names, limits, strict=True))
+        if is_weighted and len(values) > len(names):
+            changes = [law(*(best + step)) - values for step in np.diag(errors)]
+            scale = scale_of(y)
+            p_value = _p_value((y - values) / scale, np.array(changes) / scale)
     return Fit(
         values=dict(zip(names, best, strict=True)),
         intervals=intervals,
-        residuals=mean - law(*best),
-        errors=standard_errors(y),
-        freedom=(len(mean) - len(names), n - 1),
+        residuals=y.mean(0) - values,
+        p_value=p_value,
     )
+
+
+def _p_value(deviations: Array, changes: Array) -> float:
+    """Return how often a law that holds fits as badly by chance.
+
+    deviations (lattices, points): lattices minus fit, divided by the errors by which
+    points are weighted; changes (parameters, points): those of the law with each
+    parameter, divided likewise.
+
+    The test compares the squares of the mean deviations with the scatter of lattices,
+    where no parameter can change them. Their ratio follows nearly the F distribution of
+    the same mean and variance (Box, Ann. Math. Stat. 25, 290, 1954). So points whose
+    errors are correlated count as fewer degrees of freedom.
+    """
+    from scipy.special import fdtrc
+
+    directions, _ = np.linalg.qr(changes.T)
+    left = deviations - deviations @ directions @ directions.T
+    n = len(left)
+    covariance = np.cov(left.T)
+    scatter = np.trace(covariance)
+    freedom = scatter**2 / (covariance**2).sum()
+    ratio = n * (left.mean(0) ** 2).sum() / scatter
+    return float(fdtrc(freedom, freedom * (n - 1), ratio))

@@ -19,7 +19,7 @@ from taichi_disk.lattice.files import (
     TABLES,
     disk_rows,
     points_of_disk,
-    read_arrays,
+    read_lattice,
     reading,
 )
 from taichi_disk.lattice.meshes import read_mesh
@@ -249,6 +249,8 @@ class Lattice:
             `rest_lengths`, `triangles`, `stiffness` and `masses`. Positions beyond
             `disk_points` belong to an elastic wall and are ignored. If there is
             `unloaded`, as in lattice.npz of a run, it counts instead of `positions`.
+            `points` and `springs` may be the names of positions and bonds. Other arrays
+            than those of lattice.npz are refused.
         - Other files are meshes, see `read_mesh`.
 
         Lengths are in R. `from_points` makes the lattice. Its `notes` say what was read
@@ -259,7 +261,7 @@ class Lattice:
         suffix = path.suffix.lower()
         with reading(path, "file"):
             if suffix == ".npz":
-                return _stored(read_arrays(path), path.name)
+                return _stored(read_lattice(path), path.name)
             if suffix not in TABLES:
                 points, triangles, notes = read_mesh(path)
                 lattice = cls.from_points(points, triangles=triangles)

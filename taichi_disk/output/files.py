@@ -260,24 +260,17 @@ def write_lattice(
     turned, lifted or loaded, which `lattice.file` reads back bit for bit; `impedance`
     (k, 2) [M c/R] of the points of a matched boundary.
     """
-    names = [
-        "positions",
-        "bonds",
-        "rest_lengths",
-        "masses",
-        "disk_points",
-        "disk_surface",
-        "triangles",
-        "origin",
-    ]
-    if len(lattice.wall_surface):
-        names += ["wall_surface", "wall_boundary"]
-    if lattice.stiffness is not None:
-        names += ["stiffness"]
-    arrays = {name: getattr(lattice, name) for name in names}
-    if impedance is not None and len(impedance):
-        arrays["wall_impedance"] = impedance
-    write_arrays(path, velocities=velocities, unloaded=unloaded, **arrays)
+    from taichi_disk.lattice.files import ATTRIBUTES
+
+    arrays = {name: getattr(lattice, name) for name in ATTRIBUTES}
+    arrays |= {"velocities": velocities, "unloaded": unloaded}
+    arrays["wall_impedance"] = impedance
+    present = {
+        name: array
+        for name, array in arrays.items()
+        if array is not None and np.size(array)
+    }
+    write_arrays(path, **present)
 
 
 @lru_cache(maxsize=1)

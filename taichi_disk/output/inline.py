@@ -78,7 +78,12 @@ def dataframe(data: Any, otherwise: str) -> DataFrame:
     return DataFrame(data)
 
 
-def card(title: str, rows: Iterable[tuple[str, ...]], figure: Plot | None) -> str:
+def card(
+    title: str,
+    rows: Iterable[tuple[str, ...]],
+    figure: Plot | None,
+    warnings: Iterable[str],
+) -> str:
     body = "".join(map(_table_row, rows))
     table = f"<div><b>{escape(title)}</b><table {_LEFT}>{body}</table></div>"
     image = ""
@@ -89,7 +94,9 @@ def card(title: str, rows: Iterable[tuple[str, ...]], figure: Plot | None) -> st
             f'<img style="width: {CARD_WIDTH:g}px; max-width: 100%"'
             f' src="{_inline(data, "png")}">'
         )
-    return f'<div style="display: flex; flex-wrap: wrap; gap: 2em">{table}{image}</div>'
+    below = "".join(f"<p>warning: {escape(text)}</p>" for text in warnings)
+    style = "display: flex; flex-wrap: wrap; gap: 2em"
+    return f'<div style="{style}">{table}{image}</div>{below}'
 
 
 def _table_row(cells: Iterable[str]) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Mapping
 from decimal import ROUND_CEILING, Decimal
 from pathlib import Path
@@ -21,7 +20,7 @@ UNESTIMATED = "(error of the time step not estimated)"
 
 def print_result(summary: Summary, labels: Labels, out: Path | None) -> None:
     """Print the result, how it was computed, its time and the folder `out` if there is
-    one; print warnings on stderr.
+    one.
 
     `labels` maps keys of the summary to (name, unit). The text is plain, because paths
     must not be wrapped.
@@ -30,8 +29,6 @@ def print_result(summary: Summary, labels: Labels, out: Path | None) -> None:
         print(f"{name:<36}{value:>16} {unit}".rstrip())
     if out is not None:
         print(f"files in {out}")
-    for text in summary.get("warnings", ()):
-        print(f"warning: {text}", file=sys.stderr)
 
 
 def rows(summary: Summary, labels: Labels) -> Iterator[tuple[str, str, str]]:

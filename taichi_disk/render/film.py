@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import NOTICES, InputError
-from taichi_disk.output.artist import Artist
 from taichi_disk.output.files import (
     atomic_write,
     check_pictures,
     holds_working_directory,
     origin,
 )
+from taichi_disk.output.panel import PanelScene
 from taichi_disk.progress import Progress
 from taichi_disk.render import require_film
+from taichi_disk.render.artist import Artist
 from taichi_disk.render.letters import Letters, lacking
 from taichi_disk.render.moments import (
     WHOLE,
@@ -33,11 +33,10 @@ from taichi_disk.render.moments import (
     titles,
 )
 from taichi_disk.render.painter import Painter
-from taichi_disk.render.panel import Panel, panel_scene
+from taichi_disk.render.panel import panel_scene
 from taichi_disk.render.pictures import Disk, Pictures, disk_width
 from taichi_disk.render.recording import Flight, Recording, Scales
 from taichi_disk.render.video import GIF_FPS
-from taichi_disk.render.video import video as encoded
 from taichi_disk.render.words import Title, fitting_letters
 from taichi_disk.signals import raise_if_interrupted
 
@@ -91,7 +90,7 @@ def draw_film(
             replaces an older one.
         span: filmed part of the runs.
         labels: titles of compared runs; by default the keys that differ.
-        artist: draws the curves.
+        artist: finishes the pictures and encodes them.
 
     Raises InputError for an invalid suffix, folder or span, or for runs that cannot be
     compared; TaichiDiskError if this machine cannot make films; SimulationError if the
@@ -123,20 +122,18 @@ def draw_film(
     panel = None
     has_room = size >= max(_MIN_PANEL_SIZE, _MIN_PANEL_LINES * letters.text.size)
     if video.panel and len(runs) == 1 and has_room:
-        scene = panel_scene(runs[0], letters, video.theme)
-        panel = Panel(artist or Artist(), scene)
+        panel = panel_scene(runs[0], letters, video.theme)
     progress("render", 0, len(shots))
+    artist = artist or Artist()
 
     def write(new: Path) -> None:
         times = [cue.t for cue in shots]
         recordings = [Recording(one, times, [video.colour]) for one in flights]
         pictures = _pictures(recordings, words, video, letters, names, panel)
-        with (
-            closing(pictures),
-            encoded(new, path.suffix, pictures.size, fps, metadata) as append,
-        ):
-            for k, finish in enumerate(_finished(pictures, recordings, words)):
-                append(finish)
+        options = pictures.finisher, new, path.suffix, fps, metadata
+        with closing(pictures), artist.employ(*options) as finish:
+            for k, call in enumerate(_drawn(pictures, recordings, words)):
+                finish(*call)
                 progress("render", k + 1, len(shots))
 
     atomic_write(path, write)
@@ -179,7 +176,7 @@ def _pictures(
     video: VideoSection,
     letters: Letters,
     names: Sequence[tuple[str, ...]],
-    panel: Panel | None,
+    panel: PanelScene | None,
 ) -> Pictures:
     scales = Scales.of(recordings, video.magnify)
     enlarged = 1.0
@@ -219,13 +216,13 @@ def painter_of(recording: Recording, video: VideoSection, scales: Scales) -> Pai
     )
 
 
-def _finished(
+def _drawn(
     pictures: Pictures,
     recordings: Sequence[Recording],
     words: Sequence[Sequence[Caption]],
-) -> Iterator[Callable[[], Any]]:
-    """Draw one picture after the other, and yield functions that finish them, for
-    another thread."""
+) -> Iterator[tuple[Any, ...]]:
+    """Draw one picture after the other, and yield the calls of a `Finisher` that append
+    it: the name of its method, and the arguments."""
     states = zip(*(one.states() for one in recordings), strict=True)
     before: Sequence[Caption] = ()
     for now in zip(*words, strict=True):
@@ -233,7 +230,7 @@ def _finished(
         if not before or now[0].t != before[0].t:
             drawn = pictures.draw(next(states))
         if now == before:
-            yield pictures.again
+            yield ("repeat",)
         else:
-            yield partial(pictures.finish, drawn, now)
+            yield "write", drawn, pictures.lines(now), now[0].t
         before = now

@@ -147,7 +147,7 @@ class Painter:
 
     def placed(self, x: Array) -> Array:
         """Return where points at `x` (n, 2) are drawn [R]: see `geometry.placed`."""
-        return geometry.placed(self.lattice, x, self.magnify)
+        return geometry.placed(self.lattice, x, self.magnify, self.edge)
 
     def paint(
         self,

@@ -328,4 +328,5 @@ class Scales:
         vector = np.array([[self._tip - self._letters.margin, 0.0]])
         shaft, head = FORCE_ARROW
         corners = arrows(foot, vector, unit * shaft, unit * head)
-        stamp(image, Mark(corners, self._letters.small.ink, 0.0), ground)
+        mark = Mark(corners, self._letters.small.ink, 0.0)
+        stamp(image, mark, ground, slice(0, self._width))

@@ -30,6 +30,7 @@ from taichi_disk.physics.law import (
     pair_of,
     put,
     scalar,
+    side_by_side,
 )
 from taichi_disk.physics.ordering import Arrangement
 
@@ -90,6 +91,7 @@ class PointFields:
             and the same for the observed velocities [R/c].
         contact: force of the wall on one point at which contact begins [M c^2/R].
         n, n_disk: number of all points and of the disk's points.
+        corners, triangles: corners of each triangle, and the number of triangles.
         reset_steps: steps between two resets of the boundary.
     """
 
@@ -118,6 +120,9 @@ class PointFields:
         self.h, self.closing, self.observed, self.contact = (
             scalar(builder) for _ in range(4)
         )
+        # a triangulation of n points has fewer than 2 n triangles
+        self.corners = side_by_side(builder, 2 * capacity.points, 3, ti.i32)
+        self.triangles = scalar(builder, ti.i32)
         self.n, self.n_disk, self.blocks, self.subdomain_points, self.reset_steps = (
             scalar(builder, ti.i32) for _ in range(5)
         )
@@ -142,6 +147,7 @@ class PointFields:
             (tuple(chain.from_iterable(self.vectors)), vectors),
             ((self.sums,), np.zeros(self.summed)),
             ((self.subdomain_ends,), arrangement.subdomain_ends),
+            (self.corners, lattice.triangles),
         ]
 
     def begin(

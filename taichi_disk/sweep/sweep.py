@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from filelock import FileLock, Timeout
 
 from taichi_disk.config.tree import as_path
-from taichi_disk.errors import NOTICES, InputError, whole_number
+from taichi_disk.errors import NOTICES, InputError, by_kind, check_flags, whole_number
 from taichi_disk.lattice import file_digest
 from taichi_disk.output.files import (
     prepare_output,
@@ -96,7 +96,12 @@ class SweepResult:
             for law, parameters in laws:
                 rows.append((label, law, parameters))
                 label = ""  # stands only beside the first law
-        return card(f"{self.summary['scene']}: {_counted(self)}", rows, figure)
+        return card(
+            f"{self.summary['scene']}: {_counted(self)}",
+            rows,
+            figure,
+            self.summary["warnings"],
+        )
 
     def plot(self, x: str | None = None, y: str | None = None) -> Plot:
         """Return a figure of Matplotlib, which may be changed and saved.
@@ -176,6 +181,7 @@ def run_sweep(
     progress = progress or silent
     if not isinstance(sweep, Sweep):
         raise InputError(f"sweep: must be what load_sweep returns, not {sweep!r:.60}")
+    check_flags(estimate=estimate)
     if jobs is not None:
         whole_number(jobs, "jobs", MAX_JOBS)
     keys = [point_key(scene) for scene in sweep.scenes]
@@ -206,11 +212,22 @@ def run_sweep(
                 progress("sweep", len(results), len(scenes))
         rows = _rows(sweep, [key for key in keys if key in scenes], scenes, results)
         summary = _summary(sweep, rows, computed_now=len(results) - stored)
+        summary["warnings"] = _counted_warnings([results[key] for key in scenes])
         if part is None:
             _write_table(out, sweep, rows, summary, started)
         else:
             summary |= {"part": part, "wall_clock": perf_counter() - started}
+        for text in summary["warnings"]:
+            NOTICES.warning(text)
         return SweepResult(rows, summary, out, sweep)
+
+
+def _counted_warnings(results: Sequence[PointResult]) -> list[str]:
+    texts = [text for result in results for text in result.warnings]
+    return [
+        f"{count} of {len(results)} points have a warning: {text}"
+        for text, count in by_kind(texts).items()
+    ]
 
 
 def _say_note(scenes: executors.Scenes) -> None:
@@ -367,9 +384,6 @@ def print_sweep(result: SweepResult) -> None:
         for law, parameters in laws:
             print(f"  {law:<24}{parameters}")
     _print_failures(result)
-    warned = [row for row in result.rows if row["warnings"]]
-    if warned:
-        print(f"{len(warned)} points with warnings, see points.csv")
     counted = f"{_counted(result)}; {summary['wall_clock']:.1f} s"
     files = f"files in {result.out}"
     if part is None:

@@ -4,6 +4,7 @@
 // path: [[x, y], …] or nothing}.
 // `limit` is the value of full colour (for fringes: the stress difference of one fringe), and
 // `fullForce` is the force of an arrow of the length ARROW.
+// `written` is the limit in the legend, if it is another.
 // Without `path` the drawing remembers where the centre of mass was since `setScene`.
 
 import { Field } from "./field.js";
@@ -157,10 +158,7 @@ export class Drawing {
     const centre = [state.row.com_x, state.row.com_y];
     if (options.follow) [this.camera.x, this.camera.y] = centre;
     const theme = scene.themes[options.theme];
-    const isMagnified = options.magnify > 1;
-    const unmoved = options.outline || isMagnified ? this.unmoved(state.x) : null;
-    const moved = (value, i) => unmoved[i] + options.magnify * (value - unmoved[i]);
-    const x = isMagnified ? state.x.map(moved) : state.x;
+    const x = options.magnify > 1 ? this.placed(state.x) : state.x;
     const hasWall = scene.wall.kind !== "none";
 
     ctx.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
@@ -174,6 +172,7 @@ export class Drawing {
     ctx.fillStyle = theme.wall;
     if (hasWall) ctx.fill(this.wallPath(x, scene.wall.edge));
     if (options.outline) {
+      const unmoved = this.unmoved(state.x);
       const ring = Array.from([...scene.outline, scene.outline[0]], (i) => this.point(unmoved, i));
       line(ctx, ring, theme.faint, 1.3, [5, 4]);
     }
@@ -268,7 +267,7 @@ export class Drawing {
     ctx.fillText(text, px + 12, py);
   }
 
-  drawLegend({ limit, fullForce }, theme) {
+  drawLegend({ limit, written = limit, fullForce }, theme) {
     const { context: ctx, options, quantity, colours } = this;
     const { letters } = options;
     ctx.save();
@@ -278,7 +277,7 @@ export class Drawing {
       height: this.height / letters,
       theme,
       quantity,
-      limit,
+      limit: written,
       colours,
       scale: this.camera.scale / letters,
       force: options.forces && this.scene.wall.kind !== "none" ? fullForce : 0,
@@ -315,13 +314,14 @@ export class Drawing {
     return ink ? [{ mark: 0 }, { mark: 1, radius, ink }] : [{ mark: 0 }];
   }
 
-  // Return the undeformed disk at the place, height and angle of the disk at `x`. Points of the
-  // wall stay.
+  // Return the undeformed disk at the place and angle of the disk at `x`, with its lowest point at the
+  // same height or, for an `anchor` of 1, with its centre. Points of the wall stay.
   unmoved(x) {
     const { rest, disk_points: count } = this.scene;
     const out = x.slice();
     const [fromX, fromY] = centroid(rest, count);
-    const [toX] = centroid(x, count);
+    const [toX, toY] = centroid(x, count);
+    const { anchor = 0 } = this.options;
     const angle = rotation(rest, x, count);
     const cos = Math.cos(angle);
     const sin = Math.sin(angle);
@@ -335,7 +335,20 @@ export class Drawing {
       lift = Math.max(lift, -out[i + 1]);
       lowest = Math.min(lowest, x[i + 1]);
     }
-    for (let i = 1; i < 2 * count; i += 2) out[i] += lowest + lift;
+    const rise = lowest + lift + anchor * (toY - lowest - lift);
+    for (let i = 1; i < 2 * count; i += 2) out[i] += rise;
+    return out;
+  }
+
+  // Return where points are drawn if displacements are magnified: no point of the disk below the wall's
+  // edge or, if that is lower, below the lowest one in truth.
+  placed(x) {
+    const { disk_points: count, wall } = this.scene;
+    const unmoved = this.unmoved(x);
+    const out = x.map((value, i) => unmoved[i] + this.options.magnify * (value - unmoved[i]));
+    let floor = wall.edge ?? -Infinity;
+    for (let i = 1; i < 2 * count; i += 2) floor = Math.min(floor, x[i]);
+    for (let i = 1; i < 2 * count; i += 2) out[i] = Math.max(out[i], floor);
     return out;
   }
 

@@ -201,3 +201,14 @@ def bundle(*names: str) -> str:
 
 
 DRAWING = ("html.js", "field.js", "legend.js", "draw.js", "gestures.js")
+FILM = (
+    *DRAWING,
+    "controls.js",
+    "graphs.js",
+    "results.js",
+    "stepper.js",
+    "colours.js",
+    "again.js",
+    "throws.js",
+    "film.js",
+)

@@ -5,7 +5,7 @@ import { Controls } from "./controls.js";
 import { Drawing } from "./draw.js";
 import { followPointers, grip } from "./gestures.js";
 import { Graphs, LETTERS, legend } from "./graphs.js";
-import { checked, download, element, elements, recall, remember } from "./html.js";
+import { checked, copy, download, element, elements, recall, remember } from "./html.js";
 import { unpacked } from "./message.js";
 import { asText, showDiagram, showResults } from "./results.js";
 import { showScenes } from "./scenes.js";
@@ -145,7 +145,7 @@ export class Sandbox {
       picture: async () => download(await drawing.picture(panel.title), "disk.png", "image/png"),
       yaml: () => download(this.scene, "scene.yaml", "text/yaml"),
       csv: () => download(asText(ui.table, ","), "results.csv", "text/csv"),
-      copy: () => this.copy(asText(ui.table, "\t")),
+      copy: () => copy(asText(ui.table, "\t")),
       projector: () => this.project(!node.hasAttribute("data-projector")),
       fold: () => this.fold(),
       more: () => (ui.more.ariaExpanded = node.toggleAttribute("data-more")),
@@ -209,16 +209,6 @@ export class Sandbox {
   takeTheme() {
     const system = DARK.matches ? "dark" : "light";
     this.send({ do: "set", key: "video.theme", value: this.theme || system });
-  }
-
-  // Copy a text; a page that came by plain http has no clipboard, but can copy a selection.
-  copy(text) {
-    if (navigator.clipboard) return navigator.clipboard.writeText(text);
-    const field = element("textarea", { value: text });
-    this.node.append(field);
-    field.select();
-    document.execCommand("copy");
-    field.remove();
   }
 
   // Show only the picture and its curves, with large letters and controls that fade.
@@ -498,7 +488,7 @@ export class Sandbox {
     const { ui, panel, drawing } = this;
     const { results } = panel;
     for (const id of ["copy", "csv", "clear"]) ui[id].disabled = !results.length;
-    showResults(ui.table, results);
+    showResults(ui.table, results, true);
     const title = drawing.scene.labels.curve;
     const options = { title, range: panel.loadRange, fitted: ui.eq5.checked };
     showDiagram(ui.diagram, ui.curve, results, options);

@@ -9,7 +9,14 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple, get_args
 
-from taichi_disk.config.sections import Boundary, Colour, Dashpot, Draw, Theme
+from taichi_disk.config.sections import (
+    SLIDERS,
+    Boundary,
+    Colour,
+    Dashpot,
+    Draw,
+    Theme,
+)
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.scenes import Scene
 from taichi_disk.window.sandbox import Sandbox, load_key, value_of
@@ -45,7 +52,9 @@ class Range(NamedTuple):
 
 
 RANGES = {
-    "impact.velocity": Range("speed", "v", "c", "Up Down", 1e-3, 0.1, "of the throw"),
+    "impact.velocity": Range(
+        "speed", "v", "c", "Up Down", *SLIDERS["impact.velocity"], "of the throw"
+    ),
     "compression.pressure": Range(
         "load",
         "P",
@@ -60,8 +69,7 @@ RANGES = {
         "η*",
         "",
         "e d",
-        0.0,
-        100.0,
+        *SLIDERS["material.eta_star"],
         "dashpots, as a multiple of m c/R; 0: none",
     ),
     "material.viscosity": Range(

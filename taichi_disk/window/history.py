@@ -63,38 +63,10 @@ class Segment(Driver):
         self.label = label
         self.began = began
         self.hit_began = hit_began
-        self._mouse: tuple[int, tuple[float, float]] | None = None
-        self._hold()
-
-    def _hold(self) -> None:
-        """Remember the simulation as it is for this segment."""
-        self._generation = self.simulation.generation
-        self._load = self.simulation.load
-
-    def _take_back(self) -> None:
-        """Go on from the last valid state, if another sandbox has used the simulation
-        since then."""
-        if self.simulation.generation == self._generation:
-            return
-        if self.simulation.generation > 0:
-            self.simulation.write_again(self._load, self.state)
-        else:  # a larger lattice has taken its place
-            self.simulation = self._simulation()
-            self.simulation.restore(self.state)
-        if self._mouse:
-            self.simulation.set_mouse_target(*self._mouse)
-            # the state contains the pull
-            self.simulation.restore(self.state)
-        self._hold()
-
-    def let_go(self) -> None:
-        """Forget what only a segment that moves needs."""
-        del self._load
 
     def advance(self, seconds: float = inf, steps: int | None = None) -> Status:
         """Advance as a `Driver` does; the disk still moves after the end, and the
         status stays "finished"."""
-        self._take_back()
         self.can_end = self.end is None and self.label != PULLED
         if self.status == "finished":
             self.status = "running"
@@ -131,7 +103,6 @@ class Segment(Driver):
         snapshot = checkpoint.snapshot
         self.simulation = self._simulation()
         self.simulation.restore(snapshot)
-        self._hold()
         self.count = 1 + snapshot.step // self.stride
         inside = within(self.rows[1:], self.bounds)
         last_inside = int(np.argmin(np.append(inside[::-1], False)))
@@ -146,8 +117,6 @@ class Segment(Driver):
 
     def pull(self, point: int, target: tuple[float, float]) -> None:
         """Tie a point to the mouse at `target` [R] from now on."""
-        self._take_back()
-        self._mouse = point, target
         jump = self.simulation.set_mouse_target(point, target)
         self.row = self.row.copy()
         self.row[INDEX["load"]] += jump

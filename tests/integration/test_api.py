@@ -39,6 +39,7 @@ def alone(scene=SCENE, *more, **options) -> Result:
 def test_everything_in_all_is_there():
     for name in taichi_disk.__all__:
         assert getattr(taichi_disk, name) is not None
+    assert sorted(taichi_disk.__all__) == dir(taichi_disk)
 
 
 def test_a_scene_is_loaded_from_a_name_a_file_text_and_a_mapping(tmp_path):
@@ -46,6 +47,7 @@ def test_a_scene_is_loaded_from_a_name_a_file_text_and_a_mapping(tmp_path):
     (tmp_path / "s.yaml").write_text(text)
     scenes = [
         load_scene("exponential_wall", ["material.eta_star=30"]),
+        load_scene("exponential_wall", "material.eta_star=30"),
         load_scene(tmp_path / "s.yaml"),
         load_scene(text),
         load_scene({"scene": "exponential_wall", "material": {"eta_star": 30}}),
@@ -224,6 +226,14 @@ def test_what_cannot_be_computed_as_given_is_refused(result, tmp_path):
             None, "x"
         ),
         "export: needs a folder": lambda: alone(export="xyz"),
+        r"out: impact\.velocity=0\.1 looks like a change": lambda: alone(
+            SCENE, "impact.velocity=0.1"
+        ),
+        "overwrite: must be True or False, not 'no'": lambda: alone(overwrite="no"),
+        "video: must be True or False, not 'no'": lambda: result.save(
+            tmp_path, video="no"
+        ),
+        "lattices: must be a whole number .* not True": lambda: alone(lattices=True),
         r"impact\.gap.* exceeds 1e-3": lambda: alone(near, velocities=slow),
     }
     for message, act in refusals.items():

@@ -179,77 +179,22 @@ def test_a_page_that_reads_nothing_gets_no_queue_and_finds_its_disk_again(
     visited(sessions, act)
 
 
-NOISE = [
-    b"OPTIONS * HTTP/1.1\r\nHost: x\r\n\r\n",
-    b"GET /" + b"9" * 4000 + b" HTTP/1.1\r\n\r\n",
-    b"GET /secret/%00 HTTP/1.1\r\n\r\n",
-    b"GET /\xff\xfe HTTP/1.1\r\n\r\n",
-    b"POST /secret/ HTTP/1.1\r\nContent-Length: 99999999999\r\n\r\n",
-    b"GET / HTTP/1.1\r\n" + b"A: b\r\n" * 1000 + b"\r\n",
-    b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + bytes(range(256)),  # TLS
-    b"\r\n" * 100,
-    b"",
-]
-
-
-def test_requests_that_are_none_get_no_answer_or_a_refusal(sessions):
-    async def ask(port: int, noise: bytes) -> bytes:
-        reader, writer = await asyncio.open_connection("127.0.0.1", port)
-        writer.write(noise)
-        writer.write_eof()
-        answer = await asyncio.wait_for(reader.read(), 5.0)
-        writer.close()
-        return answer
-
-    async def act(port: int) -> None:
-        # they ask for nothing
-        silent = [await asyncio.open_connection("127.0.0.1", port) for _ in range(50)]
-        for noise in NOISE:
-            answer = await ask(port, noise)
-            assert not answer or re.match(rb"HTTP/1.1 4\d\d ", answer), (
-                noise[:40],
-                answer[:80],
-            )
-        async with guest(port) as one:
-            await one.see()
-        for _, writer in silent:
-            writer.close()
-
-    visited(sessions, act)
-
-
 RUBBISH = ["", "}" * 9, "[" * 500, "\0", "😀", b"\xff" * MAX_BYTES, '{"do": 1}']
 
 
-@pytest.mark.parametrize("count", [50, pytest.param(700, marks=pytest.mark.validate)])
-def test_a_flood_of_rubbish_is_ignored_and_everybody_else_goes_on(sessions, count):
+def test_rubbish_is_ignored_and_a_message_that_is_too_long_ends_its_page(sessions):
     async def act(port: int) -> None:
-        async with guest(port, "1") as vandal, guest(port) as watcher:
+        async with guest(port, "1") as vandal:
             await vandal.see()
-            for message in count * RUBBISH:
+            for message in 50 * RUBBISH:
                 await vandal.connection.send(message)
             await vandal.say("press", key="space")
-            await watcher.see()
             await vandal.see()
             assert sessions.find("1").sandbox.message == ""
             await vandal.connection.send("x" * (MAX_BYTES + 1))
             with pytest.raises(ConnectionClosed):
                 while True:
                     await vandal.see()
-            await watcher.say("press", key="space")
-            await watcher.see(3)
-        for frame in (
-            b"\xff" * 20,
-            b"\x81\x05hello",
-            b"\x8f\x80\0\0\0\0",
-            b"\x01\xff" + b"\x7f" * 12,
-        ):
-            # frames without mask, of unknown kind, longer than the sea
-            async with guest(port) as broken:
-                broken.connection.transport.write(frame)
-                with pytest.raises(ConnectionClosed):
-                    while True:
-                        await broken.connection.recv()
 
     visited(sessions, act)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import re
+from html import escape
 
 import numpy as np
 import pytest
@@ -95,6 +96,20 @@ def test_eight_lattices_are_computed_of_small_bodies_whose_runs_are_short(monkey
     assert "5 s; lattices=8" in long["notes"][0]
 
 
+def test_a_lattice_far_off_makes_the_interval_no_summary():
+    literal = {"points": 120, "rim": False, "min_spacing": 0.0, "seed": 96}
+    result = run(SCENE.with_(literal), lattices=8)
+    found = result.summary["lattices"]["restitution"]["values"]
+    median = np.median(found)
+    # it lies 6 interquartile ranges below the median
+    assert np.argmax(abs(found - median)) == 3
+    (warning,) = [text for text in result.summary["warnings"] if "far off" in text]
+    assert warning.startswith("restitution: the lattice of seed 99 lies far off")
+    assert f"the median is {median:.4g}" in warning
+    usual = run(SCENE, lattices=8).summary["warnings"]
+    assert not any("far off" in text for text in usual)
+
+
 @pytest.mark.parametrize(
     ("kind", "keys", "count", "reason"),
     [
@@ -155,6 +170,16 @@ def test_a_lattice_without_a_result_is_reported_and_left_out(
     assert summary["warnings"] == [
         f"there is no result on the lattice of seed 5: {reason}"
     ]
+
+
+def test_a_run_in_python_says_that_lattices_were_folded(notices):
+    result = run(SCENE, lattices=3, velocity=0.7)
+    of_this, of_others = result.warnings
+    assert "turned inside out" in of_this
+    assert of_others.startswith("2 of 2 other lattices: ")
+    assert notices.messages == result.warnings
+    assert "see .warnings" in repr(result)
+    assert all(escape(text) in result._repr_html_() for text in result.warnings)
 
 
 def test_an_interrupt_during_another_lattice_ends_the_run(monkeypatch):

@@ -15,10 +15,10 @@ from taichi_disk.fields import QUANTITIES, Triangles, at_points
 from taichi_disk.lattice import Lattice
 from taichi_disk.physics import Springs
 from taichi_disk.render import film_problem
+from taichi_disk.render.finisher import shrunk
 from taichi_disk.render.geometry import Camera
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import THEMES, colour_map
-from taichi_disk.render.pictures import shrunk
 
 pytestmark = pytest.mark.skipif(film_problem() is not None, reason=str(film_problem()))
 SIZE = 360

@@ -158,7 +158,7 @@ function record() {
     stage.sockets[0].onopen();
     key(" ");
   });
-  step("the program begins", () => {
+  look("the program begins", () => {
     tell(HELLO);
     tell(SCENE);
     tell(GRAPHS);
@@ -171,13 +171,13 @@ function record() {
     show({ aimed: null, paused: false, atStart: false });
     showState({ number: 2, t: 1.3, centre: [0.22, 0.9], graph: [6e-4, 1e-4, 0.01, -0.03] });
   });
-  step("in contact, with all options", () => {
+  look("in contact, with all options", () => {
     for (const id of ["outline", "path"]) get(id).checked = true;
     show(withValue("video.magnify", 3));
     showState(squeezed);
   });
   step("nothing comes for five seconds", () => wait(5000));
-  step("followed, springs, dark", () => {
+  look("followed, springs, dark", () => {
     get("follow").click();
     show(withValue("video.draw", "springs"));
     show(withValue("video.theme", "dark"));
@@ -203,7 +203,7 @@ function record() {
     window.devicePixelRatio = 1.5;
     resize();
   });
-  step("a narrower one", () => {
+  look("a narrower one", () => {
     size("disk", 300, 500);
     window.devicePixelRatio = 1;
     show({ ...withValue("video.colour", "strain") });
@@ -234,7 +234,7 @@ function record() {
     showState({ number: 7, velocity: [0, 0] });
   });
 
-  step("the end of a throw", () => {
+  look("the end of a throw", () => {
     tell(SCENE);
     tell({ ...GRAPHS, ...CONTACT });
     show({ atStart: false, paused: true, number: 0, answer: "Not so high.", results: RESULTS, loadRange: [1e-3, 0.1], status: PANEL.status });
@@ -252,7 +252,7 @@ function record() {
     showState({ number: 10, t: 5.5, graph: [5e-4, -1e-4, 2e-5, 0] });
     showState({ number: 11, t: 7, graph: [6e-4, -5e-4, 0.05, 0.01] });
   });
-  step("the results with eq. (5)", () => {
+  look("the results with eq. (5)", () => {
     get("eq5").click();
     get("tab-results").click();
   });
@@ -358,7 +358,7 @@ function record() {
     Object.defineProperties(wheel, { offsetX: { value: 100 }, offsetY: { value: 120 } });
     get("disk").dispatchEvent(wheel);
   });
-  step("two fingers", () => {
+  look("two fingers", () => {
     pointer(get("disk"), "pointerdown", 200, 200, { button: 2 });
     pointer(get("disk"), "pointerdown", 300, 200, { pointerId: 2 });
     pointer(get("disk"), "pointermove", 320, 240, { pointerId: 2 });
@@ -375,7 +375,7 @@ function record() {
     pointer(get("disk"), "pointermove", ...at(0.4, 0.3));
     pointer(get("disk"), "pointerup", ...at(0.4, 0.3));
   });
-  step("the throw is aimed at the arrow's tip, and from beside the disk", () => {
+  look("the throw is aimed at the arrow's tip, and from beside the disk", () => {
     show({ atStart: true });
     showState({ number: 14 });
     drawFrame();

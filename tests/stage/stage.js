@@ -190,30 +190,50 @@ function worded(node) {
   return line.replace(/-?\d+\.\d{3,}/g, (number) => rounded(Number(number)));
 }
 
-// Return a line for each element that says something; a list, a choice or a row has one line.
+const named = (node) => (node.id ? `#${node.id} ${worded(node)}` : worded(node));
+
+// Return a line for each element that says something; what is read together has one line.
+const TOGETHER = "tr, dl, select, label, figure, .slider, .plot, .cards > button";
 function described(root) {
   const lines = [];
   const visit = (node, place) => {
     const tag = node.id ? `#${node.id}` : node.localName;
-    const isLine = node.matches("tr, dl, select, label");
-    const parts = isLine ? [...node.querySelectorAll("*")].map(worded) : [];
+    const isLine = node.matches(TOGETHER);
+    const parts = isLine ? [...node.querySelectorAll("*")].map(named) : [];
     const words = [worded(node), ...parts].filter(Boolean).join(" | ");
     if (words) lines.push(`  ${place}${tag}: ${words}`);
-    if (isLine && !node.querySelector("[id]")) return;
+    if (isLine) return;
     for (const one of node.children) visit(one, node.id ? `${tag} ` : place);
   };
   visit(root, "");
   return lines;
 }
 
-// Perform an act, and note what it sends, what it draws for the first time, and what is shown that
-// was not shown before it.
-function step(name, act) {
+// Perform an act, and note what it sends, how much it draws, and what is shown that was not shown
+// before it. `look` also notes what is drawn for the first time.
+const step = (name, act) => perform(name, act, false);
+const look = (name, act) => perform(name, act, true);
+
+// Return lines of which those of a rim, which is drawn below a line or a text, are part of its line.
+function withRims(lines) {
+  const found = [];
+  for (const line of lines) {
+    const below = found.slice(-2).find((one) => {
+      const shape = one.split(" wide ")[1];
+      return shape && line.endsWith(` ${shape}`);
+    });
+    if (below) found.splice(found.lastIndexOf(below), 1);
+    found.push(below ? `${line} on ${below.trim().split(" wide ")[0]}` : line);
+  }
+  return found;
+}
+
+function perform(name, act, isLooked) {
   note(name);
   act?.();
   drawFrame();
   const { drawn, everDrawn } = stage;
-  const news = new Set(drawn.filter((line) => !everDrawn.has(line)));
+  const news = new Set(isLooked ? withRims(drawn).filter((line) => !everDrawn.has(line)) : []);
   for (const line of news) {
     note(line);
     everDrawn.add(line);

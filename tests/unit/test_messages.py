@@ -4,7 +4,7 @@ import json
 import re
 
 import numpy as np
-from shown import digest, number
+from shown import digest, number, numbers
 
 from taichi_disk.window.session import HEADER, Session, read_command
 
@@ -46,7 +46,7 @@ ACTS = (
 def test_a_page_is_sent_what_is_recorded(playlist, kernels, record, monkeypatch):
     monkeypatch.setattr("taichi_disk.window.sandbox.perf_counter", lambda: 0.0)
     session = Session(playlist, kernels)
-    before = []
+    before = [one for one in told(session) if "yaml" in one]
     lines = []
     for act in (None, *ACTS):
         lines.append(json.dumps(act))
@@ -63,7 +63,8 @@ def test_a_page_is_sent_what_is_recorded(playlist, kernels, record, monkeypatch)
 
 
 def told(session):
-    """Yield a line for each word and number of the session's present messages."""
+    """Yield a line for each word and number of the session's present messages; the
+    scene as YAML is that of `to_yaml`, so what is noted of it are its changes."""
     for kind, message in session.messages.items():
         if kind == "state":
             size = HEADER.size
@@ -74,6 +75,11 @@ def told(session):
         if kind == "yaml":
             values = re.sub(" +#.*", "", content["text"])
             yield from (f"  yaml {line}" for line in values.splitlines())
+        elif kind == "graphs":
+            yield f"  graphs: {content['motion']} {digest(content['t'])}"
+            values = np.round(content["values"], 9)  # without rounding errors
+            largest = np.abs(values).max(axis=1, initial=1e-9)
+            yield f"  graphs: {digest(values / largest[:, None])} of {numbers(largest)}"
         else:
             yield from flat(content, f"  {kind}")
 

@@ -148,15 +148,6 @@ async def test_a_curve_is_collected_while_the_page_only_draws(sessions):
     assert not one.sandbox.paused
 
 
-@visited
-async def test_what_no_page_sends_is_ignored(sessions):
-    one = Reader(sessions, "1")
-    for text in ("", "{", '{"do": "close"}', '{"do": "pull", "x": 1}', b"\0"):
-        one.page.hear(text)
-    await one.draw(3)
-    assert one.texts["panel"]["message"] == ""
-
-
 def test_a_page_that_leaves_its_film_leaves_no_error(sessions, monkeypatch, capfd):
     async def broken(_):
         try:

@@ -16,9 +16,9 @@ from bodies import computed
 from PIL import Image
 
 from taichi_disk import runtime
-from taichi_disk.output.artist import drawing_process
 from taichi_disk.output.inline import Plot
 from taichi_disk.output.plot import matplotlib_style, plot_run, plot_scene
+from taichi_disk.render.artist import drawing_process
 from taichi_disk.simulation.simulation import shared_kernels
 
 
