@@ -73,7 +73,7 @@ def invented(name, *settings):
     def pressed(t):
         """Return how far the contact has come, 0 to 1, and how strong it is."""
         part = np.clip((t - first) / (last - first), 0.0, 1.0)
-        if scenario.static:
+        if not scenario.is_thrown:
             return part, part
         return part, 3.0 / first * np.sin(np.pi * part) ** 2
 
