@@ -265,7 +265,7 @@ def test_a_film(name, tmp_path, monkeypatch, record):
     monkeypatch.setattr(words, "stamp", stamp)
     monkeypatch.setattr(painting, "get_field_info", lambda array: array)
     monkeypatch.setattr(painting.Painter, "paint", noted)
-    monkeypatch.setattr(film, "require_film", lambda: None)
+    monkeypatch.setattr(film, "require_film", lambda artist: None)
     monkeypatch.setattr(pictures, "open_window", lambda size: Sheet(size, notes))
     look = video(fps=10, **keys)
     film.draw_film(tmp_path / "film", runs, look, silent)
