@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from base64 import b64encode
 from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
 from io import BytesIO
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
@@ -28,6 +29,9 @@ FRAME = "width: 100%; height: 640px; border: 0"  # style of an HTML film
 CARD_WIDTH = 560.0
 
 
+AnyFigure = TypeVar("AnyFigure", bound=Figure)
+
+
 class Plot(Figure):
     """A Matplotlib figure that a notebook shows without pyplot."""
 
@@ -42,6 +46,15 @@ class Plot(Figure):
         return buffer.getvalue()
 
 
+def registered(figure: AnyFigure) -> AnyFigure:
+    """Give a figure to pyplot, if a script has imported it, for `plt.show()` and
+    `plt.savefig()`. Notebooks show the figure itself."""
+    pyplot = sys.modules.get("matplotlib.pyplot")
+    if pyplot and not {"ipykernel", "marimo"} & sys.modules.keys():
+        pyplot.figure(FigureClass=lambda **_: figure)
+    return figure
+
+
 @dataclass(frozen=True)
 class Film:
     """A film or picture with the bytes of its file, so that a notebook keeps it when it
@@ -52,6 +65,10 @@ class Film:
 
     def __repr__(self) -> str:
         return f"Film({self.kind}, {len(self.data) / 1e3:.0f} kB)"
+
+    def _repr_png_(self) -> bytes | None:
+        """Return a picture for documents without HTML."""
+        return self.data if self.kind == "png" else None
 
     def _repr_html_(self) -> str:
         if self.kind == "html":

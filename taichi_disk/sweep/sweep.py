@@ -103,6 +103,12 @@ class SweepResult:
             self.summary["warnings"],
         )
 
+    def _repr_png_(self) -> bytes | None:
+        """Return a picture for documents without HTML, such as those by LaTeX."""
+        if len(self.failed) == len(self.rows):
+            return None
+        return self.plot()._repr_png_()
+
     def plot(self, x: str | None = None, y: str | None = None) -> Plot:
         """Return a figure of Matplotlib, which may be changed and saved.
 
@@ -117,6 +123,7 @@ class SweepResult:
         """
         from taichi_disk.figures.curves import analyse
         from taichi_disk.figures.drawing import figure_to_change
+        from taichi_disk.output.inline import registered
 
         axes = self.sweep.axes
         if x is not None and x not in axes:
@@ -125,7 +132,7 @@ class SweepResult:
         if not diagram.curves:
             columns = ", ".join(self.rows[0])
             raise InputError(f"y: no row has a number {diagram.y}; there are {columns}")
-        return figure_to_change(diagram)
+        return registered(figure_to_change(diagram))
 
     def dataframe(self) -> DataFrame:
         """Return the rows as a table of pandas. Raises TaichiDiskError if pandas is not
