@@ -427,7 +427,8 @@ async function play() {
   new IntersectionObserver(([entry]) => (isVisible = entry.isIntersecting)).observe(
     document.body,
   ); // in a frame
-  new ResizeObserver(arrange).observe(ui.disks);
+  const resized = new ResizeObserver(arrange);
+  for (const one of [ui.disks, ui.graphs]) resized.observe(one);
   setPlaying(!matchMedia("(prefers-reduced-motion: reduce)").matches);
   if (head.again) throws = new Throws(ui, head, panes[0].drawing.scene, takeThrow);
   else take(runs.map((run) => new Recording(run, data, head)));

@@ -63,7 +63,8 @@ def test_states_survive_the_packing_to_a_thousandth_of_r(folder):
     velocities = part("velocities", "<f4").reshape(count, 2)
     rest = result.lattice.positions
     last = result.series["t"][-1]
-    times = [float(lines[0].split()[2].replace("−", "-")) for lines in captions]
+    stated = [re.fullmatch("t = (.*) R/c", lines[0]) for lines in captions]
+    times = [float(one[1]) if one else -1.0 for one in stated]  # -1: not of the run
     inside = [k for k, t in enumerate(times) if 0.0 <= t <= last]  # of the run
     for k in (inside[0], inside[len(inside) // 2], inside[-1]):
         x = rest + moved[k]
