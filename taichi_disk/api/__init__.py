@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from inspect import signature
 from pathlib import Path
@@ -83,6 +83,10 @@ class Result(Outcome):
             self.plot(),
             self.warnings,
         )
+
+    def _repr_png_(self) -> bytes:
+        """Return a picture for documents without HTML, such as those by LaTeX."""
+        return self.plot()._repr_png_()
 
     @property
     def scene(self) -> Scene:
@@ -300,10 +304,11 @@ class Result(Outcome):
     def plot(self) -> Plot:
         """Return the curves of plot.png as a Matplotlib figure, which may be changed
         and saved."""
+        from taichi_disk.output.inline import registered
         from taichi_disk.output.plot import plot_scene, run_figure
 
         quoted = headline(self.summary, self.scenario.words.labels)
-        return run_figure(plot_scene(self.scenario, self.series, quoted))
+        return registered(run_figure(plot_scene(self.scenario, self.series, quoted)))
 
     @runtime.alone()
     def draw(
@@ -324,12 +329,16 @@ class Result(Outcome):
         Displacements are not magnified. Raises InputError for an unknown quantity or
         moment.
         """
+        from taichi_disk.output.inline import registered
         from taichi_disk.render.state_figure import draw_state
 
         scene = self.scene
         if colour:
             scene = scene.with_({"video.colour": colour})
-        return draw_state(self, scene.video, t, ax)
+        figure = draw_state(self, scene.video, t, ax)
+        if ax is None:
+            registered(figure)
+        return figure
 
     def show(
         self,
@@ -441,10 +450,12 @@ class Result(Outcome):
         text = self.scenario.stored_scene.to_yaml()
         with run_folder(out, text, False, overwrite, lattice=own.digest) as folder:
             work = Work(self.scene, own.disk, own.velocities)
+            copy = replace(self, summary=dict(self.summary))
             work.write_start(folder.path, self.scenario)
+            work.write(folder, copy)
+            folder.appear()
             with drawing_process(video) as artist:
-                copy = replace(self, summary=dict(self.summary))
-                work.write(folder, copy, artist, video)
+                work.draw(folder, copy, artist, video)
         if folder.failure:
             raise SimulationError(folder.failure)
         return folder.out
@@ -517,6 +528,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
     threads: int | None = None,
     lattices: int | None = None,
     progress: Progress | None = None,
+    computed: Callable[[Result], object] | None = None,
     started: float = 0.0,
     **changes: Any,
 ) -> Result:
@@ -544,6 +556,8 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
             or the number of equilibria, "lattices" with the number of lattices,
             "render" with the number of pictures. It must not compute, film or examine a
             result.
+        computed: called with the result when its numbers are in the folder, before
+            curves, film and trajectory are.
         started: time that the process has taken before [s], for the wall clock of the
             summary.
         changes: keys of the scene and their values.
@@ -583,18 +597,25 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
             from taichi_disk.output.export import check_export
 
             check_export(folder.path, export)
-        with work.failing_into(folder.path), drawing_process(video) as artist:
-            scenario = work.build(threads)
-            work.write_start(folder.path, scenario)
-            outcome = work.solve(scenario, **options)
-            work.write(folder, outcome, artist, video, export)
+        with drawing_process(video) as artist:
+            with work.failing_into(folder.path):
+                scenario = work.build(threads)
+                work.write_start(folder.path, scenario)
+                outcome = work.solve(scenario, **options)
+                work.write(folder, outcome)
+            folder.appear()
+            # without room for anything there is no folder
+            written = folder.out if folder.out.is_dir() else None
+            result = Result(**vars(outcome), out=written)
+            if computed is not None:
+                computed(result)
+            if outcome.summary["status"] == "done":
+                work.draw(folder, outcome, artist, video, export)
     if folder.failure:
         outcome.summary.update(status="failed", reason=folder.failure)
     if outcome.summary["status"] != "done":
         NOTICES.error(outcome.summary["reason"])
-    # without room for anything there is no folder
-    written = folder.out if folder.out.is_dir() else None
-    return Result(**vars(outcome), out=written)
+    return result
 
 
 def _check_arguments(scene: Scene, changes: dict[str, Any]) -> None:

@@ -59,6 +59,7 @@ class Quantity:
     """A quantity's label, whether it has a sign, the labels of its low and high values.
 
     `full`: approximate value of full colour of an impact, for each c of its speed.
+    `power`: of a vibration's amplitude with which it grows.
     """
 
     label: str
@@ -69,6 +70,7 @@ class Quantity:
     low: str = ""
     high: str = ""
     short: str = ""  # label where there is little room; "": `label`
+    power: int = 1
 
 
 # Full colours were measured in the shipped impacts at 0.02 to 0.1 c with the largest
@@ -103,6 +105,7 @@ QUANTITIES = {
         False,
         0.4,
         short="inner kinetic energy",
+        power=2,
     ),
 }
 
