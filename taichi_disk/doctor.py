@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 from taichi_disk import engine
 from taichi_disk.engine.environment import CACHE, cache_folder, keeps_kernels
 from taichi_disk.machine import REMEDY, cores, processor
-from taichi_disk.processes.pool import Pool, awaited
+from taichi_disk.processes.pool import Pool, result_of
 from taichi_disk.scenes import load_scene
 
 SETTINGS = [
@@ -74,7 +74,7 @@ def try_run() -> tuple[str, bool]:
     try:
         with TemporaryDirectory() as folder:
             out = Path(folder, "run")
-            trouble = awaited(pool.submit(film_small, out, SETTINGS).result, SECONDS)
+            trouble = result_of(pool.submit(film_small, out, SETTINGS), SECONDS)
             return trouble, not trouble and (out / "video.mp4").is_file()
     except TimeoutError:
         return f"no answer within {SECONDS} s", False

@@ -1,5 +1,7 @@
 """A state on Matplotlib axes of any kind; test_looks records what is drawn there."""
 
+import sys
+
 import matplotlib.pyplot as plt
 import pytest
 from matplotlib.collections import TriMesh
@@ -17,6 +19,18 @@ def result():
 
 def meshes(axes):
     return [artist for artist in axes.collections if isinstance(artist, TriMesh)]
+
+
+def test_a_script_that_imports_pyplot_finds_the_figures_there(result, monkeypatch):
+    monkeypatch.delitem(sys.modules, "ipykernel", raising=False)
+    for make in (result.plot, result.draw):
+        figure = make()
+        assert plt.gcf() is figure
+        figure.show()
+    plt.close("all")
+    monkeypatch.setitem(sys.modules, "ipykernel", plt)
+    result.plot()
+    assert plt.get_fignums() == []
 
 
 def test_a_state_is_drawn_on_given_axes_at_any_moment(result):
