@@ -132,7 +132,7 @@ def _packed(
                 "scene": scene | shared | {"title": title},
                 "states": len(one.times),
                 "captions": [_words(each) for each in captions(one.run, shots)],
-                "strengths": [1.0] * len(shots),
+                "strengths": [1.0 for _ in shots],
                 "full_speed": one.full_speed,
                 "arrays": places,
                 **facts,
