@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 from taichi_disk import engine
 from taichi_disk.engine.environment import CACHE, cache_folder, cache_problem
 from taichi_disk.machine import REMEDY, cores, processor
-from taichi_disk.processes.pool import Pool, awaited
+from taichi_disk.processes.pool import Pool, result_of
 from taichi_disk.scenes import load_scene
 
 SETTINGS = [
@@ -72,7 +72,7 @@ def try_run() -> tuple[str, str]:
     try:
         with TemporaryDirectory() as folder:
             out = Path(folder, "run")
-            return awaited(pool.submit(film_small, out, SETTINGS).result, SECONDS)
+            return result_of(pool.submit(film_small, out, SETTINGS), SECONDS)
     except TimeoutError:
         return f"no answer within {SECONDS} s", ""
     except BrokenExecutor as error:

@@ -84,6 +84,10 @@ class Result(Outcome):
             self.warnings,
         )
 
+    def _repr_png_(self) -> bytes:
+        """Return a picture for documents without HTML, such as those by LaTeX."""
+        return self.plot()._repr_png_()
+
     @property
     def scene(self) -> Scene:
         """The computed scene."""
@@ -300,10 +304,11 @@ class Result(Outcome):
     def plot(self) -> Plot:
         """Return the curves of plot.png as a Matplotlib figure, which may be changed
         and saved."""
+        from taichi_disk.output.inline import registered
         from taichi_disk.output.plot import plot_scene, run_figure
 
         quoted = headline(self.summary, self.scenario.words.labels)
-        return run_figure(plot_scene(self.scenario, self.series, quoted))
+        return registered(run_figure(plot_scene(self.scenario, self.series, quoted)))
 
     @runtime.alone()
     def draw(
@@ -324,12 +329,16 @@ class Result(Outcome):
         Displacements are not magnified. Raises InputError for an unknown quantity or
         moment.
         """
+        from taichi_disk.output.inline import registered
         from taichi_disk.render.state_figure import draw_state
 
         scene = self.scene
         if colour:
             scene = scene.with_({"video.colour": colour})
-        return draw_state(self, scene.video, t, ax)
+        figure = draw_state(self, scene.video, t, ax)
+        if ax is None:
+            registered(figure)
+        return figure
 
     def show(
         self,

@@ -56,8 +56,8 @@ class Field:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity's label, the labels of its low and high values, and whether it has a
-    sign."""
+    """A quantity's label, the labels of its low and high values, whether it has a sign,
+    and the power of a vibration's amplitude with which it grows."""
 
     label: str
     unit: str
@@ -66,6 +66,7 @@ class Quantity:
     low: str = ""
     high: str = ""
     short: str = ""  # label where there is little room; "": `label`
+    power: int = 1
 
 
 QUANTITIES = {
@@ -92,6 +93,7 @@ QUANTITIES = {
         "points",
         False,
         short="inner kinetic energy",
+        power=2,
     ),
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from base64 import b64encode
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -40,6 +41,15 @@ class Plot(Figure):
         buffer = BytesIO()
         self.savefig(buffer, format="png", dpi=dpi)
         return buffer.getvalue()
+
+
+def registered(figure: Any) -> Any:
+    """Give a figure to pyplot, if a script has imported it, for `plt.show()` and
+    `plt.savefig()`. Notebooks show the figure itself."""
+    pyplot = sys.modules.get("matplotlib.pyplot")
+    if pyplot and not {"ipykernel", "marimo"} & sys.modules.keys():
+        pyplot.figure(FigureClass=lambda **_: figure)
+    return figure
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import pickle
 import sys
 from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor, wait
+from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import partial
 from typing import Any
@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 from taichi_disk.errors import SimulationError
 from taichi_disk.machine import can_start_python, driver_state
-from taichi_disk.processes.pool import Pool, awaited
-from taichi_disk.signals import POLL_INTERVAL, raise_if_interrupted
+from taichi_disk.processes.pool import Pool, result_of
 
 # after this time a picture is drawn again in this process [s]; it takes 0.5 s, but a
 # first import of Matplotlib looks at all fonts
@@ -81,7 +80,7 @@ class Artist:
 
         def submit(function: Callable[..., None], *values: Any) -> None:
             if len(waiting) == WAITING:
-                _wait_for(waiting.popleft())
+                result_of(waiting.popleft())
             waiting.append(executor.submit(function, *values))
 
         try:
@@ -89,7 +88,7 @@ class Artist:
             yield partial(submit, _call)
             submit(_call, "close")
             for call in waiting:
-                _wait_for(call)
+                result_of(call)
         except BaseException as error:
             executor.kill()
             self._pool = None
@@ -136,15 +135,9 @@ def _call(name: str, *values: Any) -> None:
     getattr(_employed[0], name)(*values)
 
 
-def _wait_for(call: Future[None]) -> None:
-    while not wait([call], POLL_INTERVAL).done:
-        raise_if_interrupted()
-    call.result()
-
-
 def _finish(answer: Future[Any], here: Callable[[], Any]) -> Any:
     try:
-        return awaited(answer.result, _DRAWING_TIME)
+        return result_of(answer, _DRAWING_TIME)
     except Exception:  # an error of the drawing itself comes again here
         return here()
 
@@ -161,7 +154,7 @@ def drawing_process(film: bool) -> Iterator[Artist]:
             pool = Pool(1)
             if film:
                 tried = pool.submit(driver_state)
-                trial = partial(awaited, tried.result, _TRIAL_TIME)
+                trial = partial(result_of, tried, _TRIAL_TIME)
             pool.submit(_import_matplotlib)
             if film:
                 pool.submit(_import_finisher)

@@ -417,7 +417,10 @@ class ImpactScenario(Scenario):
             words.append(f"turned by {impact.turn:g}")
         if self.own.velocities is not None:
             words.append("own velocities")
-        return scene.heading, "    ".join(words), scene.described(self.lattice)
+        heading = scene.heading
+        if impact.spin:
+            heading = "Impact with spin"
+        return heading, "    ".join(words), scene.described(self.lattice)
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
         time = time_text(row["t"])

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from filelock import FileLock, Timeout
 
 from taichi_disk.config.tree import as_path
-from taichi_disk.errors import NOTICES, InputError, by_kind, check_flags, whole_number
+from taichi_disk.errors import NOTICES, InputError, by_kind, whole_number
 from taichi_disk.lattice import file_digest
 from taichi_disk.output.files import (
     prepare_output,
@@ -88,9 +88,6 @@ class SweepResult:
         from taichi_disk.figures.texts import curve_rows
         from taichi_disk.output.inline import card
 
-        figure = None
-        if len(self.failed) < len(self.rows):
-            figure = self.plot()
         rows = []
         for label, laws in curve_rows(self.summary.get("curves", ())):
             for law, parameters in laws:
@@ -99,9 +96,19 @@ class SweepResult:
         return card(
             f"{self.summary['scene']}: {_counted(self)}",
             rows,
-            figure,
+            self._figure(),
             self.summary["warnings"],
         )
+
+    def _repr_png_(self) -> bytes | None:
+        """Return a picture for documents without HTML, such as those by LaTeX."""
+        figure = self._figure()
+        return figure._repr_png_() if figure else None
+
+    def _figure(self) -> Plot | None:
+        if len(self.failed) == len(self.rows):
+            return None
+        return self.plot()
 
     def plot(self, x: str | None = None, y: str | None = None) -> Plot:
         """Return a figure of Matplotlib, which may be changed and saved.
@@ -117,6 +124,7 @@ class SweepResult:
         """
         from taichi_disk.figures.curves import analyse
         from taichi_disk.figures.drawing import figure_to_change
+        from taichi_disk.output.inline import registered
 
         axes = self.sweep.axes
         if x is not None and x not in axes:
@@ -125,7 +133,7 @@ class SweepResult:
         if not diagram.curves:
             columns = ", ".join(self.rows[0])
             raise InputError(f"y: no row has a number {diagram.y}; there are {columns}")
-        return figure_to_change(diagram)
+        return registered(figure_to_change(diagram))
 
     def dataframe(self) -> DataFrame:
         """Return the rows as a table of pandas. Raises TaichiDiskError if pandas is not
@@ -181,7 +189,6 @@ def run_sweep(
     progress = progress or silent
     if not isinstance(sweep, Sweep):
         raise InputError(f"sweep: must be what load_sweep returns, not {sweep!r:.60}")
-    check_flags(estimate=estimate)
     if jobs is not None:
         whole_number(jobs, "jobs", MAX_JOBS)
     keys = [point_key(scene) for scene in sweep.scenes]

@@ -13,9 +13,12 @@ const LONGEST_FORCE = 4; // arrow of the largest force on a point, over that of 
 const LEAST_FORCE = 0.01; // on a point, over the full one, that has an arrow
 const FLATTENING = 0.05; // of the drawn disk, to which displacements are magnified [R]
 const MOST_MAGNIFIED = 20;
-// times that the ringing is drawn stronger, at most; where it needs more, dashpots have taken it
+// amplitude of the ringing over that of the greatest compression, for which it is drawn stronger: at most
+// so many times; dashpots have taken it if it must be more
+const RINGING = 0.5;
 const MOST_RINGING = 6;
 const DAMPED = 10;
+const EASE = 0.7; // time in which it becomes so strong [s]
 const VISIBLE_ENERGY = 2e-3; // of the largest, for a curve
 const SLOW_PACE = 1.1; // pace over the slowest, up to which it is called slow
 
@@ -98,14 +101,13 @@ export class Again {
     this.edge = Math.max(Math.log((a * V0) / force) / a, 0);
     this.fullForce = roundNear(Math.max(force, flight.peakForce / LONGEST_FORCE));
     const flattening = states[1].com_y - states[1].lowest - (flattest.com_y - flattest.lowest);
-    const factor = roundNear(FLATTENING / Math.max(flattening, FLATTENING / MOST_MAGNIFIED));
-    this.magnify = disk.magnify === "auto" ? Math.max(factor, 1) : disk.magnify;
+    const most = roundNear(FLATTENING / Math.max(flattening, FLATTENING / MOST_MAGNIFIED));
+    this.magnify = disk.magnify === "auto" ? Math.max(most, 1) : disk.magnify;
     this.folded = colours.folded(flattest.x);
-    // The ringing becomes as large as the greatest compression.
     const later = states.filter(({ t }) => t >= moments[2]);
     const left = later.reduce((sum, { elastic }) => sum + elastic, 0) / later.length;
-    const stronger = Math.sqrt(flattest.elastic / left);
-    this.ringing = stronger < DAMPED ? Math.min(Math.floor(stronger), MOST_RINGING) : 1;
+    const factor = Math.round(RINGING * Math.sqrt(flattest.elastic / left));
+    this.ringing = factor > DAMPED ? 1 : Math.max(Math.min(factor, MOST_RINGING), 1);
   }
 
   // Return a curve with its values, or nothing for an energy that cannot be seen.
@@ -116,17 +118,24 @@ export class Again {
   }
 
   words({ fps, runs }) {
-    const { pictures, flight, v } = this;
+    const { pictures, flight, v, ringing, moments } = this;
     const paces = pictures.map((t, k) => fps * ((pictures[k + 1] ?? t) - t));
     paces.forEach((pace, k) => (paces[k] = pace || paces[k - 1] || paces.find((one) => one)));
     const slowest = Math.min(...paces);
-    const slow = `    slow motion, ${Math.round(Math.max(...paces) / slowest)} times`;
+    const slow = `    slowed ${Math.round(Math.max(...paces) / slowest)} times`;
     const result = `*e = ${flight.restitution.toFixed(3)}`;
+    const stronger = ringing > 1 ? `the ringing, shown ${ringing} times stronger` : "";
+    const end = pictures.findIndex((t) => t >= moments[2]);
+    this.strengths = pictures.map((_, k) => {
+      const part = Math.min(Math.max(k - end, 0) / (EASE * fps), 1);
+      return ringing ** (part * part * (3 - 2 * part));
+    });
     return pictures.map((t, k) => [
       t < 0 ? "before t = 0" : `t = ${fixed(t)} R/c`,
-      `+${signed(this.at(t).com_vy / v)} v`,
-      t < this.moments[2] ? runs[0].captions[k].at(-2).replace(/^\*.*/, "") : result,
+      k < end ? `+${signed(this.at(t).com_vy / v)} v` : result,
+      k < end ? runs[0].captions[k][2] : "",
       `1 s = ${digits(paces[k], 2)} R/c${paces[k] < SLOW_PACE * slowest ? slow : ""}`,
+      k < end ? "" : stronger,
     ]);
   }
 

@@ -157,7 +157,8 @@ export class Drawing {
     const centre = [state.row.com_x, state.row.com_y];
     if (options.follow) [this.camera.x, this.camera.y] = centre;
     const theme = scene.themes[options.theme];
-    const x = options.magnify > 1 ? this.placed(state.x) : state.x;
+    const isMoved = options.magnify * (options.ringing ?? 1) > 1;
+    const x = isMoved ? this.placed(state.x) : state.x;
     const hasWall = scene.wall.kind !== "none";
 
     ctx.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
@@ -313,14 +314,13 @@ export class Drawing {
     return ink ? [{ mark: 0 }, { mark: 1, radius, ink }] : [{ mark: 0 }];
   }
 
-  // Return the undeformed disk at the place and angle of the disk at `x`, with its lowest point at the
-  // same height or, for an `anchor` of 1, with its centre. Points of the wall stay.
+  // Return the undeformed disk at the place, height and angle of the disk at `x`. Points of the
+  // wall stay.
   unmoved(x) {
     const { rest, disk_points: count } = this.scene;
     const out = x.slice();
     const [fromX, fromY] = centroid(rest, count);
-    const [toX, toY] = centroid(x, count);
-    const { anchor = 0 } = this.options;
+    const [toX] = centroid(x, count);
     const angle = rotation(rest, x, count);
     const cos = Math.cos(angle);
     const sin = Math.sin(angle);
@@ -334,17 +334,21 @@ export class Drawing {
       lift = Math.max(lift, -out[i + 1]);
       lowest = Math.min(lowest, x[i + 1]);
     }
-    const rise = lowest + lift + anchor * (toY - lowest - lift);
-    for (let i = 1; i < 2 * count; i += 2) out[i] += rise;
+    for (let i = 1; i < 2 * count; i += 2) out[i] += lowest + lift;
     return out;
   }
 
-  // Return where points are drawn if displacements are magnified: no point of the disk below the wall's
-  // edge or, if that is lower, below the lowest one in truth.
+  // Return where points are drawn if displacements are magnified, and those of a ringing around the
+  // disk's centre: none below the wall's edge or, if that is lower, below the lowest one in truth.
   placed(x) {
     const { disk_points: count, wall } = this.scene;
+    const { magnify, ringing = 1 } = this.options;
     const unmoved = this.unmoved(x);
-    const out = x.map((value, i) => unmoved[i] + this.options.magnify * (value - unmoved[i]));
+    const moved = x.map((value, i) => magnify * (value - unmoved[i]));
+    const shift = centroid(moved, count);
+    for (let i = 0; i < 2 * count; i++)
+      moved[i] = shift[i % 2] + ringing * (moved[i] - shift[i % 2]);
+    const out = moved.map((value, i) => unmoved[i] + value);
     let floor = wall.edge ?? -Infinity;
     for (let i = 1; i < 2 * count; i += 2) floor = Math.min(floor, x[i]);
     for (let i = 1; i < 2 * count; i += 2) out[i] = Math.max(out[i], floor);

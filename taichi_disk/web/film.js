@@ -8,7 +8,6 @@ import { checked, element, elements, inks } from "./html.js";
 import { FONT, arrow, label, line, roundAbove, roundBelow } from "./legend.js";
 import { Throws } from "./throws.js";
 
-const EASE = 0.7; // time in which the ringing grows [s]
 const VELOCITY_ARROW = 0.7; // length of the arrow of the speed before an impact [R]
 const SLOW = 0.02; // a smaller part of that speed has no arrow
 const COMING = { light: "#b8b8b7", dark: "#54575e" }; // colours of curves still to come
@@ -26,14 +25,14 @@ function between(values, place) {
 
 // The states of one run. A throw (`Again`) has the same attributes and `state`:
 //   times: of the states; cues: the place in that list, of each picture; end: of the run
-//   curves: over `times`; captions: the changing words of each picture
+//   curves: over `times`; captions: the changing words of each picture, in lines
+//   strengths: how many times stronger each picture shows the ringing
 //   edge: height of the wall's drawn edge; magnify: factor on displacements
-//   ringing: how many times stronger the vibration after the contact is drawn
 class Recording {
   constructor(run, data, { times, cues, curves, end }) {
     const { wall, options } = run.scene;
     Object.assign(this, { times, cues, curves, end, captions: run.captions });
-    Object.assign(this, { edge: wall.edge, magnify: options.magnify, ringing: run.ringing });
+    Object.assign(this, { edge: wall.edge, magnify: options.magnify, strengths: run.strengths });
     const array = (name, Kind) => new Kind(data, ...run.arrays[name]);
     const { points } = run.scene;
     this.run = run;
@@ -311,8 +310,6 @@ async function play() {
       const words = recording.title ?? pane.run.scene.title;
       pane.words.replaceChildren(...words.slice(1).flatMap(unbroken));
       pane.recording = recording;
-      const isEnd = (lines) => lines.some((text) => text.startsWith("*"));
-      pane.end = recording.captions.findIndex(isEnd);
       pane.drawing.scene.wall.edge = recording.edge;
     });
     settings.magnify = recordings[0].magnify;
@@ -322,33 +319,30 @@ async function play() {
   function show() {
     const [{ recording: main }] = panes;
     const at = between(main.cues, place);
-    for (const { drawing, caption, run, recording, end } of panes) {
-      const factor = recording.ringing;
-      const part = Math.min(Math.max(place - end, 0) / (EASE * fps), 1);
-      const eased = part * part * (3 - 2 * part);
-      const isRinging = factor > 1 && place >= end;
+    const words = main.captions[Math.round(place)];
+    for (const { drawing, caption, run, recording } of panes) {
       const state = recording.state(at, settings.quantity);
-      const stronger = (by) => state.limit / (settings.quantity === "kinetic" ? by ** 2 : by);
-      const strength = isRinging ? factor ** eased : 1;
-      const hasArrow = run.full_speed && ui.velocity.checked;
+      const lines = [...recording.captions[Math.round(place)]];
+      const ringing = between(recording.strengths, place);
+      const { power } = scene.quantities.find(({ name }) => name === settings.quantity);
+      // The numbers of the scale change once.
+      const full = lines.at(-1) ? Math.max(...recording.strengths) : 1;
       const magnify = Number(settings.magnify.toPrecision(2));
-      const magnified = magnify > 1 ? `displacements × ${magnify}` : "";
-      const remark = isRinging ? `the ringing, shown ${factor} times stronger` : magnified;
-      const shown = [...recording.captions[Math.round(place)], remark].map(captionLine);
+      if (magnify > 1) lines.push(lines.pop() || `displacements × ${magnify}`);
+      const shown = lines.map(captionLine);
       // for which small comparisons have no room
       shown.at(-2).classList.add("scales", "pace");
       shown.at(-1).classList.add("scales", "remark");
       caption.replaceChildren(...shown); // first, because it may change the canvas's height
-      const arrow = hasArrow ? state.velocity : null;
-      drawing.set({ arrow, magnify: settings.magnify * strength, anchor: isRinging ? eased : 0 });
-      // The numbers of the scale change once.
-      const written = stronger(isRinging ? factor : 1);
-      drawing.draw({ ...state, limit: stronger(strength), written });
+      const arrow = run.full_speed && ui.velocity.checked ? state.velocity : null;
+      drawing.set({ arrow, ringing });
+      const limits = { limit: state.limit / ringing ** power, written: state.limit / full ** power };
+      drawing.draw({ ...state, ...limits });
     }
     curves.draw(at, settings.theme, scene.themes[settings.theme]);
-    throws?.judge(place >= panes[0].end ? main.flight.restitution : 0);
+    throws?.judge(words[1].startsWith("*") ? main.flight.restitution : 0);
     ui.moment.value = place;
-    ui.moment.ariaValueText = main.captions[Math.round(place)].join(", ");
+    ui.moment.ariaValueText = words.filter(Boolean).join(", ");
   }
 
   function change() {

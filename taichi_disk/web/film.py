@@ -132,6 +132,7 @@ def _packed(
                 "scene": scene | shared | {"title": title},
                 "states": len(one.times),
                 "captions": [_words(each) for each in captions(one.run, shots)],
+                "strengths": [1.0] * len(shots),
                 "full_speed": one.full_speed,
                 "arrays": places,
                 **facts,
@@ -164,13 +165,14 @@ def _padding(data: bytes) -> int:
 
 
 def _words(caption: Caption) -> list[str]:
-    """Return the lines of a caption; `*` marks the result, `+` the motion."""
-    lines = [*caption.lines]
-    if len(lines) > 1:
-        lines[1] = f"+{lines[1]}"
-    lines.append(f"*{caption.result}" if caption.result else caption.note)
-    lines.append("    ".join(caption.pace))
-    return lines
+    """Return the lines of a caption: time, motion (`+`) or result (`*`), …, note, pace
+    and remark."""
+    time, *others = caption.lines
+    motion = [f"+{one}" for one in others[:1]]
+    if caption.result:
+        motion = [f"*{caption.result}"]
+    pace = "    ".join(caption.pace)
+    return [time, *motion, *others[1:], caption.note, pace, ""]
 
 
 def _marks(run: Run, times: Sequence[float]) -> list[list[Any]]:

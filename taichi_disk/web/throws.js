@@ -52,6 +52,10 @@ export class Throws {
     ui.link.onclick = () => copy(page + this.link).then(() => tell("Copied: send it, or open it."));
     ui.copy.onclick = () => copy(asText(ui.table, "\t"));
     ui.addresses.onchange = () => this.collect();
+    ui.table.onclick = ({ target }) => {
+      if (target.dataset.remove) this.rows.splice(target.dataset.remove, 1);
+      this.showList();
+    };
     ui.list.ontoggle = () => this.showList();
     window.onhashchange = () => this.obey();
     this.obey();
@@ -137,7 +141,7 @@ export class Throws {
   showList() {
     const { ui, rows, numbers } = this;
     if (!ui.list.open) return;
-    showResults(ui.table, rows, false);
+    showResults(ui.table, rows);
     const title = "restitution e over the speed v [c]";
     const range = [numbers[0].low, numbers[0].high];
     showDiagram(ui.diagram, ui.curve, rows, { title, range, fitted: false });

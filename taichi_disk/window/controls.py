@@ -9,7 +9,14 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple, get_args
 
-from taichi_disk.config.sections import Boundary, Colour, Dashpot, Draw, Theme
+from taichi_disk.config.sections import (
+    SLIDERS,
+    Boundary,
+    Colour,
+    Dashpot,
+    Draw,
+    Theme,
+)
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.scenes import Scene
 from taichi_disk.window.sandbox import Sandbox, load_key, value_of
@@ -48,8 +55,7 @@ RANGES = {
         "viscosity η*",
         "",
         "e d",
-        0.0,
-        100.0,
+        *SLIDERS["material.eta_star"],
         "dashpots, as a multiple of m c/R; 0: none",
     ),
     "material.viscosity": Range(
@@ -60,7 +66,9 @@ RANGES = {
         0.1,
         "dashpot constant of one spring; 0: none",
     ),
-    "impact.velocity": Range("speed v", "c", "Up Down", 1e-3, 0.1, "of the throw"),
+    "impact.velocity": Range(
+        "speed v", "c", "Up Down", *SLIDERS["impact.velocity"], "of the throw"
+    ),
     "impact.angle": Range(
         "angle", "rad", "", -1.5, 1.5, "between the throw and the normal of the wall"
     ),

@@ -255,7 +255,7 @@ from concurrent.futures import ThreadPoolExecutor
 from taichi_disk import load_scene, run
 scenes = [
     load_scene("exponential_wall", ["lattice.points=30", *changes])
-    for changes in ([], ["material.eta_star=0"], ["impact.spin=0.1"])
+    for changes in ([], ["material.eta_star=0"])
 ]
 
 def computed(k):

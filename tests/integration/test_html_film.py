@@ -66,7 +66,8 @@ def test_states_survive_the_packing_to_a_thousandth_of_r(folder):
     velocities = part("velocities", "<f4").reshape(count, 2)
     rest = result.lattice.positions
     last = result.series["t"][-1]
-    times = [float(lines[0].split()[2].replace("−", "-")) for lines in captions]
+    stated = [re.fullmatch("t = (.*) R/c", lines[0]) for lines in captions]
+    times = [float(one[1]) if one else -1.0 for one in stated]  # -1: not of the run
     inside = [k for k, t in enumerate(times) if 0.0 <= t <= last]  # of the run
     for k in (inside[0], inside[len(inside) // 2], inside[-1]):
         x = rest + moved[k]
@@ -526,10 +527,12 @@ def test_a_table_takes_the_addresses_of_others_and_long_throws_are_refused(
     assert "taichi-disk run exponential_wall --set" in browser.script(faults)
     table = "return [...document.querySelectorAll('#table td')].map((one) => one.title)"
     cells = browser.script(table)
-    assert cells[2::4] == ["0.02", "0.1", "0.0002"]
-    assert cells[3::4] == ["10", "10", "0"]
+    assert cells[2::5] == ["0.02", "0.1", "0.0002"]
+    assert cells[3::5] == ["10", "10", "0"]
     dots = "return document.querySelectorAll('#diagram b').length"
     assert browser.script(dots) == 3
+    browser.script("document.querySelector('#table button').click()")
+    assert browser.script(dots) == 2
 
 
 def test_it_plays_in_a_frame_that_may_only_run_scripts(browser, thrown, tmp_path):
@@ -541,8 +544,11 @@ def test_it_plays_in_a_frame_that_may_only_run_scripts(browser, thrown, tmp_path
         browser.wait(lambda: "steps in" in browser.script(SAYS))
         browser.click("link")
         browser.wait(lambda: "Copied" in browser.script(SAYS))
+        browser.click("throw")
+        assert "steps in" in browser.script(SAYS)
     finally:
         browser.driver.switch_to.default_content()
+    assert browser.errors() == []
 
 
 def test_what_the_page_cannot_compute_has_no_sliders(browser, folder):

@@ -180,6 +180,7 @@ def test_a_run_in_python_says_that_lattices_were_folded(notices):
     assert notices.messages == result.warnings
     assert "see .warnings" in repr(result)
     assert all(escape(text) in result._repr_html_() for text in result.warnings)
+    assert result._repr_png_().startswith(b"\x89PNG")
 
 
 def test_an_interrupt_during_another_lattice_ends_the_run(monkeypatch):

@@ -93,6 +93,13 @@ def flat(value, place):
     else:
         yield f"{place}: {text_of(value)}"
         return
+    if all(map(is_text, parts.values())):
+        records = [
+            ", ".join(map(str, one.values() if isinstance(one, dict) else one))
+            for one in parts.values()
+        ]
+        yield f"{place}: {'; '.join(records)}"
+        return
     nested = {name: one for name, one in parts.items() if isinstance(one, (dict, list))}
     if not nested:
         words = [f"{name} {text_of(one)}" for name, one in parts.items()]
@@ -110,6 +117,16 @@ def text_of(value):
     if isinstance(value, str) and len(value) > 80 and " " not in value:
         return f"{len(value)} letters"
     return repr(value)
+
+
+def is_text(record):
+    """Whether a part is a record of words only, as that of a key or a curve."""
+    values = record
+    if isinstance(record, dict):
+        values = record.values()
+    return isinstance(record, (dict, list)) and all(
+        isinstance(one, (str, bool)) for one in values
+    )
 
 
 def is_number(value):

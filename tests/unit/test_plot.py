@@ -82,11 +82,16 @@ def test_matplotlib_is_not_imported_for_names_and_colours_of_the_curves():
     assert done.stdout.splitlines()[-1] == "False"
 
 
-def test_the_fonts_of_a_file_are_those_that_publishers_take():
+@pytest.mark.parametrize(
+    ("form", "name"),
+    [
+        ("pdf", b"/Type3"),
+        pytest.param("ps", b"/FontType 3", marks=pytest.mark.validate),
+    ],
+)
+def test_the_fonts_of_a_file_are_those_that_publishers_take(form, name):
     figure = Plot()
     figure.text(0.5, 0.5, "η* = 5")
-    # type 3 draws letters as paths
-    for form, name in (("pdf", b"/Type3"), ("ps", b"/FontType 3")):
-        file = BytesIO()
-        figure.savefig(file, format=form)
-        assert name not in file.getvalue()
+    file = BytesIO()
+    figure.savefig(file, format=form)
+    assert name not in file.getvalue()  # type 3 draws letters as paths

@@ -13,9 +13,8 @@ import pytest
 
 from taichi_disk.computation.outcome import compute
 from taichi_disk.fields import Triangles
-from taichi_disk.output.panel import ON_DARK
 from taichi_disk.render.palette import full_scale
-from taichi_disk.simulation.observables import BY_NAME, INDEX, of_kind
+from taichi_disk.simulation.observables import INDEX
 from taichi_disk.web.drawing import colour_values
 from taichi_disk.window.app import list_folder, list_presets
 from taichi_disk.window.controls import CHOICES, CURVE_POINTS, RANGES
@@ -43,14 +42,6 @@ def panel(session):
 
 
 # ---- messages
-
-
-def test_energies_have_the_names_and_colours_of_films(session):
-    found = json.loads(session.messages["hello"])["curves"]
-    energies = {name: (light, dark) for _, name, light, dark in found}
-    for name in [*of_kind("part"), "elastic", "wall", *of_kind("loss")]:
-        column = BY_NAME[name]
-        assert energies[column.label] == (column.colour, ON_DARK[column.colour])
 
 
 BAD = [

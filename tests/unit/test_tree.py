@@ -129,7 +129,7 @@ def faulty_scenes(draw):
     return "\n".join(lines), options, expected
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(scene=faulty_scenes())
 def test_all_faults_are_listed_together_in_the_order_of_the_file(path, scene):
     text, options, expected = scene
@@ -254,7 +254,7 @@ def try_to_load(source, *overrides):
         assert str(error).encode()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     text=SOUP.map(" ".join) | SOUP.map("".join) | st.text(),
     data=st.binary(max_size=200),
