@@ -7,8 +7,6 @@ CONTRIBUTING.md names these files. Then read the differences (`git diff tests/lo
 and look at the pictures.
 """
 
-from __future__ import annotations
-
 import re
 from collections import defaultdict
 from difflib import unified_diff

@@ -249,6 +249,9 @@ for words in ["--help"], *checks:
     slow = SLOW & set(sys.modules)
     if slow or words == ["--help"] and "numpy" in sys.modules:
         sys.exit(f"{words} loaded {slow or 'numpy'}")
+import taichi_disk.render.palette  # names and colours of curves
+if "matplotlib" in sys.modules:
+    sys.exit("the colours of pictures loaded Matplotlib")
 """
     done = python("-c", code)
     assert done.returncode == 0, done.stderr
