@@ -1,7 +1,5 @@
 """What the sandbox's list of scenes asks, and what a scenario says about its end."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np
