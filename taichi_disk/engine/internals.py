@@ -1,8 +1,7 @@
 """What this package uses of the engine that is not public, and patches of Taichi 1.7.4.
 
-The patches save 0.1 s of a first run of 2.0 s. They act on functions of this package
-only, so that the user's own kernels get Taichi's full messages. `signals`
-and `physics.law` each contain a workaround.
+The patches act on functions of this package only, so that the user's own kernels get
+Taichi's full messages. `signals` and `physics.law` each contain a workaround.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ import inspect
 import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
@@ -31,6 +30,31 @@ def program(ti: Any) -> Any:
 def settings(ti: Any) -> Any:
     """Return the settings of the running program, as attributes."""
     return ti.lang.impl.current_cfg()
+
+
+@contextmanager
+def own_settings(ti: Any) -> Iterator[None]:
+    """Make fields and compile kernels in this block as this package needs it: in exact
+    double precision, with vectors kept whole (see `physics.law`). Afterwards the
+    settings of the user's `ti.init` hold again."""
+    config = settings(ti)
+    runtime = ti.lang.impl.get_runtime()
+    own = [
+        (runtime, "default_fp", ti.f64),
+        (config, "default_fp", ti.f64),
+        # True is no faster here, and results would depend on how a kernel is optimised
+        (config, "fast_math", False),
+        (config, "real_matrix_scalarize", False),
+    ]
+    if hasattr(config, "compile_tier"):
+        # The fork's default compiles faster, and a step then takes eleven times as
+        # long.
+        own.append((config, "compile_tier", "balanced"))
+    with ExitStack() as stack:
+        for holder, name, value in own:
+            stack.callback(setattr, holder, name, getattr(holder, name))
+            setattr(holder, name, value)
+        yield
 
 
 def has_vulkan(ti: Any) -> bool:
@@ -55,7 +79,8 @@ def field_builder(ti: Any) -> Iterator[Any]:
     declared = {name: list(getattr(runtime, name)) for name in DECLARED}
     builder = ti.FieldsBuilder()
     try:
-        yield builder
+        with own_settings(ti):
+            yield builder
     except BaseException:
         runtime.unfinalized_fields_builder.pop(builder, None)
         vars(runtime).update(declared)

@@ -27,7 +27,7 @@ _SMALL = 18.0
 BAR_HEIGHT = 16.0
 BAR_BELOW = 28.0
 _FEW_BELOW = 2.4  # height of the wall that carries one line, over the size of letters
-_LEADING = 1.3  # distance of baselines over the size of letters
+LEADING = 1.3  # distance of baselines over the size of letters
 _LABELLED = 240  # smallest picture with room for text [px]
 _NO_LETTER = "\U0010ffff"  # which fonts draw as they draw letters that they lack
 
@@ -184,7 +184,7 @@ class Letters:
         baseline = self.margin + 0.85 * max(self.heading.size, first.size)
         for text, face in words:
             if lines:
-                baseline += _LEADING * max(face.size, lines[-1].face.size)
+                baseline += LEADING * max(face.size, lines[-1].face.size)
             lines.append(Line(text, face, x, baseline, part))
         return lines
 

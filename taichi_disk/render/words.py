@@ -20,6 +20,7 @@ from taichi_disk.output.panel import RAISED, factored
 from taichi_disk.render.letters import (
     BAR_BELOW,
     BAR_HEIGHT,
+    LEADING,
     LEAST,
     Box,
     Face,
@@ -62,13 +63,16 @@ def caption_lines(letters: Letters, caption: Caption, width: int) -> list[Line]:
 def remark_lines(letters: Letters, caption: Caption, width: int) -> list[Line]:
     """Return the remarks of a caption, above the scales at the right of a picture of
     `width` [px]."""
-    if not letters.has_words or not caption.remarks:
+    if not letters.has_words:
         return []
-    words = [(text, letters.small) for text in caption.remarks]
-    lines = letters.stacked(words, width - letters.margin, part=1.0)
-    lowest = letters.height - letters.footer - 0.85 * letters.small.size
-    down = lowest - lines[-1].baseline
-    return [line._replace(baseline=line.baseline + down) for line in lines]
+    size = letters.small.size
+    lowest = letters.height - letters.footer - 0.85 * size
+    right = width - letters.margin
+    rows = lowest - LEADING * size, lowest
+    return [
+        Line(text, letters.small, right, row, part=1.0)
+        for text, row in zip(caption.remarks, rows, strict=False)
+    ]
 
 
 def samples(captions: Sequence[Caption]) -> list[Caption]:

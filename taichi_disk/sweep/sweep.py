@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from filelock import FileLock, Timeout
 
 from taichi_disk.config.tree import as_path
-from taichi_disk.errors import NOTICES, InputError, by_kind, check_flags, whole_number
+from taichi_disk.errors import NOTICES, InputError, by_kind, whole_number
 from taichi_disk.lattice import file_digest
 from taichi_disk.output.files import (
     prepare_output,
@@ -88,9 +88,6 @@ class SweepResult:
         from taichi_disk.figures.texts import curve_rows
         from taichi_disk.output.inline import card
 
-        figure = None
-        if len(self.failed) < len(self.rows):
-            figure = self.plot()
         rows = []
         for label, laws in curve_rows(self.summary.get("curves", ())):
             for law, parameters in laws:
@@ -99,15 +96,19 @@ class SweepResult:
         return card(
             f"{self.summary['scene']}: {_counted(self)}",
             rows,
-            figure,
+            self._figure(),
             self.summary["warnings"],
         )
 
     def _repr_png_(self) -> bytes | None:
         """Return a picture for documents without HTML, such as those by LaTeX."""
+        figure = self._figure()
+        return figure._repr_png_() if figure else None
+
+    def _figure(self) -> Plot | None:
         if len(self.failed) == len(self.rows):
             return None
-        return self.plot()._repr_png_()
+        return self.plot()
 
     def plot(self, x: str | None = None, y: str | None = None) -> Plot:
         """Return a figure of Matplotlib, which may be changed and saved.
@@ -188,7 +189,6 @@ def run_sweep(
     progress = progress or silent
     if not isinstance(sweep, Sweep):
         raise InputError(f"sweep: must be what load_sweep returns, not {sweep!r:.60}")
-    check_flags(estimate=estimate)
     if jobs is not None:
         whole_number(jobs, "jobs", MAX_JOBS)
     keys = [point_key(scene) for scene in sweep.scenes]

@@ -3,7 +3,6 @@
 import { Controls } from "./controls.js";
 import { Drawing, bytes, decoded } from "./draw.js";
 import { followPointers } from "./gestures.js";
-import { WIDE } from "./graphs.js";
 import { checked, element, elements, inks } from "./html.js";
 import { FONT, arrow, label, line, roundAbove, roundBelow } from "./legend.js";
 import { Throws } from "./throws.js";
@@ -14,6 +13,7 @@ const COMING = { light: "#b8b8b7", dark: "#54575e" }; // colours of curves still
 const DASHES = [[], [5, 3], [1, 3], [9, 3, 1, 3]]; // of the curves of compared runs
 const CLEAR = 0.15; // part of an axis beside which another number has room
 const LONG = 26; // number of letters of what is no value
+const WIDE = 160; // axis of time with room for a number in its middle [px]
 const LOW = 230; // a lower picture has no room for a legend [px]
 const STACKED = "(max-width: 599px) and (min-height: 701px)"; // disks one above the other
 

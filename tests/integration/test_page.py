@@ -1,7 +1,5 @@
 """The page of the sandbox, played with in Chromium and Firefox."""
 
-from __future__ import annotations
-
 import random
 import signal
 import socket

@@ -1,8 +1,6 @@
 """Sweeps: a row is what `run` gives for its scene, independent of other scenes, of the
 order and of the executor."""
 
-from __future__ import annotations
-
 import csv
 import errno
 import io

@@ -229,7 +229,7 @@ function withRims(lines) {
 }
 
 function perform(name, act, isLooked) {
-  note(name);
+  const title = stage.lines.push(name) - 1;
   act?.();
   drawFrame();
   const { drawn, everDrawn } = stage;
@@ -240,14 +240,14 @@ function perform(name, act, isLooked) {
   }
   const same = drawn.filter((line) => stage.lastDrawn.includes(line)).length;
   if (drawn.length) {
-    note(`  ${drawn.length} strokes and texts, ${same} as before`);
+    stage.lines[title] += `; ${drawn.length} strokes and texts, ${same} as before`;
     stage.lastDrawn = drawn;
   }
   stage.drawn = [];
   const shown = described(stage.root);
   for (const line of shown) if (!stage.shown.includes(line)) note(line);
   const gone = stage.shown.filter((line) => !shown.includes(line)).length;
-  if (gone) note(`  ${gone} others are gone`);
+  if (gone) stage.lines[title] += `; ${gone} lines are gone`;
   stage.shown = shown;
 }
 

@@ -84,8 +84,9 @@ def test_a_lattice_with_other_rest_lengths_alone_is_another_lattice(kernels):
 @ti.data_oriented
 class FailingLaw(BodyForce):
     def make_fields(self, builder, capacity):
-        self.extra = ti.field(ti.f64)
+        self.extra = ti.field(float)
         builder.dense(ti.i, 5).place(self.extra)
+        assert self.extra.dtype == ti.f64  # though Taichi's default is f32
         raise OSError("a slip")
 
 
@@ -120,6 +121,9 @@ def test_simulations_of_one_program_move_as_each_does_alone(kernels):
     rows = [[one.advance(10, 5)[0] for one in together] for _ in range(4)]
     for k in range(3):
         assert_array_equal(np.concatenate([some[k] for some in rows]), alone[k])
+    state = one.snapshot()
+    with pytest.raises(ValueError, match="f64"):
+        one.restore(replace(state, vectors=state.vectors.astype(np.float32)))
 
 
 def test_a_law_that_a_scene_has_no_use_for_is_not_compiled():
