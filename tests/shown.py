@@ -147,10 +147,10 @@ def digest(values):
 
 def number(value):
     """Return a number with four digits; what is smaller than 1e-9 is 0."""
+    value = float(f"{value:.6g}")  # rounding errors decide about no digit and no form
     if abs(value) < 1e-9:
         return "0"
     text = f"{value:.3e}"
-    value = float(text)  # so that rounding errors do not change how 0.01 is written
     if 0.01 <= abs(value) < 1e4:
         digits = 3 - int(np.floor(np.log10(abs(value))))
         text = f"{value:#.{max(digits, 0)}f}"

@@ -20,12 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_disk.errors import SimulationError
-from taichi_disk.machine import can_start_python
+from taichi_disk.machine import can_start_python, driver_state
 from taichi_disk.processes.pool import Pool, result_of
 
 # after this time a picture is drawn again in this process [s]; it takes 0.5 s, but a
 # first import of Matplotlib looks at all fonts
 _DRAWING_TIME = 60.0
+_TRIAL_TIME = 20.0  # after this time a driver hangs [s]; to load all takes 0.1 s
 WAITING = 6  # calls that may wait for the second process
 HAS_SHARED_MEMORY = hasattr(os, "memfd_create")  # Linux
 
@@ -37,8 +38,21 @@ class Artist:
     """Calls functions in a second process, one after the other; in this process, if
     there is no second one, or if it fails or does not answer."""
 
-    def __init__(self, pool: Pool | None = None) -> None:
+    def __init__(
+        self, pool: Pool | None = None, trial: Callable[[], str] = driver_state
+    ) -> None:
         self._pool = pool
+        self._trial = trial
+
+    def driver_state(self) -> str:
+        """Return what is wrong with the Vulkan drivers, or ""; they are tried in the
+        second process, if it makes a film."""
+        try:
+            return self._trial()
+        except BrokenExecutor as error:
+            return f"crashed with {error}"
+        except TimeoutError:
+            return f"did not answer for {_TRIAL_TIME:g} s"
 
     def begin(self, draw: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
         """Begin `draw(*arguments)`, and return a function that waits for its value.
@@ -131,16 +145,21 @@ def _finish(answer: Future[Any], here: Callable[[], Any]) -> Any:
 @contextmanager
 def drawing_process(film: bool) -> Iterator[Artist]:
     """Yield an `Artist` whose process ends with the block. It has a process if a `film`
-    is made, or if this process has not imported Matplotlib yet."""
+    is made, or if this process has not imported Matplotlib yet. For a film it tries the
+    Vulkan drivers, which may crash."""
     pool = None
+    trial = driver_state
     if can_start_python() and (film or "matplotlib" not in sys.modules):
         with suppress(OSError):  # there is no room for another process
             pool = Pool(1)
+            if film:
+                tried = pool.submit(driver_state)
+                trial = partial(result_of, tried, _TRIAL_TIME)
             pool.submit(_import_matplotlib)
             if film:
                 pool.submit(_import_finisher)
     try:
-        yield Artist(pool)
+        yield Artist(pool, trial)
     finally:
         if pool is not None:
             pool.kill()

@@ -100,7 +100,7 @@ def draw_film(
     """
     check_target(path)
     check_runs(runs, labels)
-    require_film()
+    require_film(artist)
     size, fps = video.size_and_rate(path.suffix[1:])
     metadata = film_origin(runs, video)
     if path.suffix == ".gif":

@@ -1,8 +1,6 @@
 """Films: the right content, complete or not at all, the same bytes each time, and with
 explanations."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re
@@ -485,7 +483,8 @@ def test_without_vulkan_the_message_names_the_remedy(tmp_path):
     code = "from taichi_disk.render import require_film; require_film()"
     done = python("-c", code, cwd=tmp_path, env=nowhere)
     assert "NoPictures: " in done.stderr
-    assert "no Vulkan driver" in done.stderr
+    assert "no Vulkan driver" in done.stderr or "cannot be loaded" in done.stderr
+    assert "without VK_ICD_FILENAMES=/nonexistent" in done.stderr
     install = "apt-get install -y --no-install-recommends libx11-6 mesa-vulkan-drivers"
     assert f"apt-get update && {install}" in done.stderr
 

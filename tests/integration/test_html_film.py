@@ -1,10 +1,10 @@
 """The HTML film: a small file that needs no network, and in a real browser plays and
 shows the computed data."""
 
-from __future__ import annotations
-
 import json
+import os
 import re
+import signal
 import time
 from collections.abc import Callable, Iterator
 
@@ -16,6 +16,7 @@ from taichi_disk import api, load_scene
 from taichi_disk.cli import main
 from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.fields import QUANTITIES, Triangles, at_points
+from taichi_disk.render import artist
 from taichi_disk.web.drawing import FILM, bundle
 from tests.browser import Browser
 
@@ -133,7 +134,7 @@ def test_240_states_of_1099_points_take_less_than_3_mb(tmp_path):
 def test_a_film_needs_no_vulkan(tmp_path, monkeypatch):
     monkeypatch.setattr(
         "taichi_disk.render.film.require_film",
-        lambda: pytest.fail("Vulkan was asked for"),
+        lambda artist: pytest.fail("Vulkan was asked for"),
     )
     scene = load_scene(
         "compression",
@@ -143,6 +144,26 @@ def test_a_film_needs_no_vulkan(tmp_path, monkeypatch):
     assert result.summary["video"] == "video.html"
     assert (tmp_path / "run/video.html").stat().st_size > 1e4
     assert "<iframe" in result.show(seconds=0.2)._repr_html_()
+
+
+@pytest.mark.parametrize(
+    ("trial", "state"),
+    [
+        (os.abort, "crashed with SIGABRT"),
+        (signal.pause, "did not answer for 0.2 s"),
+    ],
+)
+def test_a_driver_that_crashes_or_hangs_costs_no_number(
+    tmp_path, monkeypatch, trial, state
+):
+    monkeypatch.setattr(artist, "driver_state", trial)
+    monkeypatch.setattr(artist, "_TRIAL_TIME", 0.2)
+    monkeypatch.setattr(artist, "_DRAWING_TIME", 0.2)
+    scene = load_scene("exponential_wall", ["lattice.points=60", "video.seconds=0.2"])
+    summary = api.run(scene, tmp_path / "run", lattices=1).summary
+    assert summary["video"] == "video.html"
+    assert state in summary["notes"][-1]
+    assert (tmp_path / "run/plot.png").exists()
 
 
 # ---- in a browser

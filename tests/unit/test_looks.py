@@ -5,8 +5,6 @@ Runs are formulae, letters have one width, and the graphics card is a sheet that
 what is drawn on it, so nothing else changes these texts.
 """
 
-from __future__ import annotations
-
 import base64
 from dataclasses import replace
 from itertools import product
@@ -73,7 +71,7 @@ def invented(name, *settings):
     def pressed(t):
         """Return how far the contact has come, 0 to 1, and how strong it is."""
         part = np.clip((t - first) / (last - first), 0.0, 1.0)
-        if scenario.static:
+        if not scenario.is_thrown:
             return part, part
         return part, 3.0 / first * np.sin(np.pi * part) ** 2
 
@@ -267,7 +265,7 @@ def test_a_film(name, tmp_path, monkeypatch, record):
     monkeypatch.setattr(words, "stamp", stamp)
     monkeypatch.setattr(painting, "get_field_info", lambda array: array)
     monkeypatch.setattr(painting.Painter, "paint", noted)
-    monkeypatch.setattr(film, "require_film", lambda: None)
+    monkeypatch.setattr(film, "require_film", lambda artist: None)
     monkeypatch.setattr(pictures, "open_window", lambda size: Sheet(size, notes))
     look = video(fps=10, **keys)
     film.draw_film(tmp_path / "film", runs, look, silent)
