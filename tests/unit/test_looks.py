@@ -7,7 +7,8 @@ what is drawn on it, so nothing else changes these texts.
 
 import base64
 from dataclasses import replace
-from itertools import product
+from itertools import groupby, product
+from operator import itemgetter
 from types import SimpleNamespace
 
 import numpy as np
@@ -252,11 +253,12 @@ def test_a_film(name, tmp_path, monkeypatch, record):
         )
 
     def letters(at, text, fill, font, anchor):
-        texts.append(f"{text!r} at {place(at)} {anchor} {font.getname()} {fill}")
+        style = f"{anchor} {' '.join(font.getname())} {fill}"
+        texts.append((style, f"{text!r} at {place(at)}"))
 
     def stamp(image, mark, ground, columns):
         ends = mark.corners.min(axis=(0, 1)), mark.corners.max(axis=(0, 1))
-        texts.append(f"mark {mark.ink} {number(mark.rim)} at {place(ends)}")
+        texts.append((f"mark {mark.ink}", f"{number(mark.rim)} at {place(ends)}"))
 
     pen = SimpleNamespace(Draw=lambda image: SimpleNamespace(text=letters))
     monkeypatch.setattr(finisher, "ImageDraw", pen)
@@ -269,7 +271,8 @@ def test_a_film(name, tmp_path, monkeypatch, record):
     monkeypatch.setattr(pictures, "open_window", lambda size: Sheet(size, notes))
     look = video(fps=10, **keys)
     film.draw_film(tmp_path / "film", runs, look, silent)
-    notes += texts
+    for style, words_alike in groupby(texts, itemgetter(0)):
+        notes.append(f"{style}: {'; '.join(text for _, text in words_alike)}")
     for path in sorted((tmp_path / "film").iterdir()):
         notes += [path.stem, *of_picture(np.asarray(Image.open(path)), 4)]
     for scene in panels:
