@@ -1,7 +1,5 @@
 """The command line: arguments, exit status, messages, imports."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -1,8 +1,6 @@
 """Films: the right content, complete or not at all, the same bytes each time, and with
 explanations."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

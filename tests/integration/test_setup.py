@@ -1,8 +1,6 @@
 """The set-up script in a clone: line ends, a finished environment, copied folders,
 ordinary users, machines without browsers, drivers or wheels."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
