@@ -38,6 +38,10 @@ _MODULES = {
 _MODULES |= dict.fromkeys(("Scene", "load_scene", "load_sweep"), "scenes")
 
 
+def __dir__() -> list[str]:
+    return __all__
+
+
 def __getattr__(name: str) -> Any:
     # Names are imported on first use, so that `taichi-disk --help` and `check` need
     # neither Taichi nor SciPy.

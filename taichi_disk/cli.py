@@ -46,6 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     NOTICES.handlers = [_Notes()]
     NOTICES.setLevel(logging.INFO)
     try:
+        _check_environment()
         parser = _parser()
         if not given:
             parser.print_help()
@@ -81,6 +82,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 1
 
 
+def _check_environment() -> None:
+    """Raise InputError if this program was started in a copy of a virtual environment:
+    the code beside the first one would run."""
+    environment = Path(sys.argv[0]).absolute().parents[1]
+    if (environment / "pyvenv.cfg").is_file() and not environment.samefile(sys.prefix):
+        raise InputError(
+            f"{environment} is a copy of {sys.prefix}, whose program and scenes would"
+            f" be used: `sh .ci/setup` in {environment.parent} mends this"
+        )
+
+
 def _print_error(text: str) -> None:
     # Messages of the library name Python arguments; replace them by the command's
     # options.
@@ -96,10 +108,13 @@ def _print_error(text: str) -> None:
 
 
 class _Notes(logging.Handler):
-    """Prints notices."""
+    """Prints notices, warnings, and errors after which a command goes on."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        _print_error(f"note: {record.getMessage()}")
+        kind = "note"
+        if record.levelno > logging.INFO:
+            kind = record.levelname.lower()
+        _print_error(f"{kind}: {record.getMessage()}")
 
 
 def _load(arguments: argparse.Namespace, what: str = "scene") -> Any:
@@ -132,7 +147,8 @@ def _run(arguments: argparse.Namespace) -> int:
     scene = _load(arguments)
 
     from taichi_disk.api import run
-    from taichi_disk.output.report import print_result
+    from taichi_disk.api.work import ERRORS
+    from taichi_disk.output.report import print_result, print_time
 
     options = _options(
         arguments, "video", "export", "overwrite", "force", "threads", "lattices"
@@ -141,19 +157,18 @@ def _run(arguments: argparse.Namespace) -> int:
         "count_on": arguments.out is None,
         "started": perf_counter() - BEGAN,
     }
+
+    def computed(result: Any) -> None:
+        progress.rest()
+        print_result(result.summary, result.scenario.words.labels, result.out)
+
     with terminal(sys.stderr) as progress:
-        result = run(scene, _out(arguments), progress=progress, **options)
+        options |= {"progress": progress, "computed": computed}
+        result = run(scene, _out(arguments), **options)
     summary = result.summary
-    print_result(summary, result.scenario.words.labels, result.out)
-    for text in summary.get("notes", ()):
-        NOTICES.info(text)
-    reasons = [summary.get("video_error"), summary.get("export_error")]
-    if summary["status"] != "done":
-        reasons.append(summary["reason"])
-    errors = [text for text in reasons if text]
-    for text in errors:
-        _print_error(f"error: {text}")
-    return int(bool(errors))
+    print_time(summary)
+    is_complete = summary["status"] == "done" and not {*summary} & {*ERRORS.values()}
+    return int(not is_complete)
 
 
 def _sweep(arguments: argparse.Namespace) -> int:
@@ -186,14 +201,7 @@ def _view(arguments: argparse.Namespace) -> None:
         scene = Path(name)
     elif arguments.scene or arguments.overrides:
         scene = _load(arguments)
-    view(
-        scene,
-        arguments.host,
-        arguments.port,
-        arguments.open,
-        arguments.origin,
-        arguments.disks,
-    )
+    view(scene, arguments.host, arguments.port, arguments.open)
 
 
 def _render(arguments: argparse.Namespace) -> None:
@@ -385,21 +393,6 @@ def _parser() -> argparse.ArgumentParser:
         metavar="P",
         help="port (default: a free one)",
     )
-    add(
-        "--origin",
-        default="",
-        metavar="URL",
-        help="address at which a reverse proxy serves the page, such as"
-        " https://example.org/disk",
-    )
-    add(
-        "--disks",
-        type=partial(_count, most=1000),
-        default=40,
-        metavar="N",
-        help="most pages that can play at once (default: 40)",
-    )
-
     add = command(
         "render", _render, "film a finished run again, or up to four runs side by side"
     )

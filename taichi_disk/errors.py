@@ -6,7 +6,9 @@ from __future__ import annotations
 import difflib
 import logging
 import os
+import re
 import sys
+from collections import Counter
 from collections.abc import Iterable
 from importlib.util import find_spec
 from numbers import Integral
@@ -36,6 +38,11 @@ class SimulationError(TaichiDiskError):
 
 class NoPictures(TaichiDiskError):
     """This machine cannot draw pictures. It can still write pages."""
+
+
+def by_kind(texts: Iterable[str]) -> Counter[str]:
+    """Return how many of the `texts` differ only in numbers, which become dots."""
+    return Counter(re.sub(r"[-+]?\d[-+.e\d]*", "…", text) for text in texts)
 
 
 def pip_install(what: str) -> str:
@@ -88,12 +95,19 @@ def whole_number(
 ) -> int:
     """Return an integer of Python or NumPy from `least` to `most` as an int. Raises
     InputError with its `name`, and the `meaning` of `most`."""
-    if isinstance(value, Integral) and least <= int(value) <= most:
+    is_whole = isinstance(value, Integral) and not isinstance(value, bool)
+    if is_whole and least <= int(value) <= most:
         return int(value)
     raise InputError(
         f"{name}: must be a whole number from {least} to {most:,}{meaning}, not"
         f" {value!r}"
     )
+
+
+def check_flags(**flags: Any) -> None:
+    for name, flag in flags.items():
+        if not isinstance(flag, bool):
+            raise InputError(f"{name}: must be True or False, not {flag!r:.60}")
 
 
 def shown_path(path: object) -> str:

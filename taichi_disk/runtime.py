@@ -10,22 +10,17 @@ import os
 import sys
 import threading
 from collections.abc import Iterator
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any, NoReturn
 
 from taichi_disk import engine
 from taichi_disk.engine import internals, owner
 from taichi_disk.engine.environment import remove_stale_lock
-from taichi_disk.errors import NOTICES, InputError, TaichiDiskError, whole_number
+from taichi_disk.errors import InputError, TaichiDiskError, whole_number
 from taichi_disk.machine import cores
 from taichi_disk.signals import deferred_interrupts
 
 THREADS = "TAICHI_DISK_THREADS"
-# a call of the user that suits this package
-INIT = (
-    "ti.init(arch=ti.cpu, default_fp=ti.f64, fast_math=False,"
-    " real_matrix_scalarize=False)"
-)
 _LOCK = threading.RLock()
 _is_held = False  # whether a computation of the thread with the lock is in progress
 
@@ -66,78 +61,52 @@ def start(threads: int | None = None) -> None:
         from taichi_disk.engine import ti
 
         if engine.program() is not None:
-            _check_settings(ti)
-            if threads is None:
-                number = internals.settings(ti).cpu_max_num_threads
-            _check_threads(ti, number)
+            number = _present_threads(ti, threads)
         if engine.program() is None or owner.must_move():
             _init(ti, number)
 
 
 def _init(ti: Any, threads: int) -> None:
-    settings = {
-        "arch": ti.cpu,
-        "default_fp": ti.f64,
-        "default_ip": ti.i32,
-        # True is no faster here, and results would depend on how a kernel is optimised
-        "fast_math": False,
-        "real_matrix_scalarize": False,  # see physics.law
+    init = partial(
+        ti.init,
+        arch=ti.cpu,
         # no limit: the fork would warn of long unrolled loops over the laws
-        "unrolling_limit": 0,
-        "cpu_max_num_threads": threads,
-    }
-    if engine.IS_FORK:
-        # Its default compiles faster, and a step then takes eleven times as long.
-        settings["compile_tier"] = "balanced"
+        unrolling_limit=0,
+        cpu_max_num_threads=threads,
+    )
     remove_stale_lock()
     # TI_ARCH would replace the CPU, and other processors lack double precision.
     arch = os.environ.pop("TI_ARCH", None)
     try:
         # hides Taichi's banner, because stdout is for results
         with contextlib.redirect_stdout(io.StringIO()):
-            owner.start(partial(ti.init, **settings))
+            owner.start(init)
     except RuntimeError as error:
-        raise TaichiDiskError(
-            f"Taichi cannot start: {error}; it reserves 1 GiB of memory, so raise"
-            " `ulimit -v`"
-        ) from None
+        advice = "it reserves 1 GiB of memory, so raise `ulimit -v`"
+        if "temporarily unavailable" in str(error):  # another thread
+            advice = "raise `ulimit -u`, the number of threads and processes"
+        raise TaichiDiskError(f"Taichi cannot start: {error}; {advice}") from None
     finally:
         if arch is not None:
             os.environ["TI_ARCH"] = arch
 
 
-def _check_settings(ti: Any) -> None:
+def _present_threads(ti: Any, threads: int | None) -> int:
+    """Return the number of threads of the running Taichi. Raises InputError if
+    `threads` is another one, or if Taichi does not run on the CPU."""
     settings = internals.settings(ti)
-    needed = {"arch": ti.cpu, "default_fp": ti.f64, "fast_math": False}
-    others = []
-    for name, value in needed.items():
-        found = getattr(settings, name)
-        if found != value:
-            others.append(f"{name}={found}".replace("Arch.", ""))
-    if others:
+    present = settings.cpu_max_num_threads
+    if settings.arch != ti.cpu:
         raise InputError(
-            f"Taichi runs with {', '.join(others)}, which makes results wrong: replace"
-            f" your ti.init by {INIT}, or remove it"
+            f"Taichi runs with arch={settings.arch.name}, and a run needs the CPU:"
+            " write ti.init(arch=ti.cpu), or remove your ti.init"
         )
-    if settings.real_matrix_scalarize:
-        _advise(engine.program())
-
-
-@lru_cache(maxsize=1)
-def _advise(program: Any) -> None:
-    NOTICES.warning(
-        "Taichi runs with real_matrix_scalarize=True, which makes a step up to 1.5"
-        f" times as long: replace your ti.init by {INIT}, or remove it"
-    )
-
-
-def _check_threads(ti: Any, number: int) -> None:
-    current = internals.settings(ti).cpu_max_num_threads
-    if number != current:
+    if threads not in (None, present):
         raise InputError(
-            f"threads: this process already computes with {current} threads and cannot"
-            f" change to {number}: set the number in its first run, or in {THREADS}"
+            f"threads: this process already computes with {present} threads and cannot"
+            f" change to {threads}: set the number in its first run, or in {THREADS}"
         )
+    return int(present)
 
 
 def _threads(threads: Any) -> int:

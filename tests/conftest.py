@@ -5,14 +5,13 @@ from functools import partial
 import pytest
 
 SANDBOX = {
-    "test_audience",
     "test_controls",
     "test_hostile_visitors",
     "test_messages",
     "test_mouse_spring",
-    "test_notebook",
     "test_page",
     "test_page_look",
+    "test_pages",
     "test_sandbox",
     "test_session",
     "test_shared_kernels",
@@ -54,11 +53,7 @@ def pytest_make_parametrize_id(val, argname):
 @pytest.fixture
 def kernels():
     """Return the KernelCache of this process, because compiling takes most of the
-    tests' time.
-
-    A simulation from it is reset when another test asks for one with the same laws and
-    integrator.
-    """
+    tests' time."""
     from taichi_disk import runtime
     from taichi_disk.simulation.simulation import shared_kernels
 
@@ -82,11 +77,10 @@ def notices(caplog):
 
 
 @pytest.fixture
-def common(kernels):
-    """Return what sandboxes of three small scenes have in common."""
+def playlist():
+    """Return a list of three small scenes."""
     from taichi_disk.scenes import load_scene
     from taichi_disk.window.controls import Preset
-    from taichi_disk.window.session import Common
 
     throw = ["lattice.points=120", "impact.velocity=0.05"]
     scenes = {
@@ -98,4 +92,4 @@ def common(kernels):
     for name, changes in scenes.items():
         load = partial(load_scene, name, changes)
         presets.append(Preset(name, "Look.", load))
-    return Common(presets, kernels)
+    return presets

@@ -1,13 +1,14 @@
 """What pictures show, as text that is compared with a recording in tests/looks.
 
-`pytest --record FILE` writes the recordings of the tests in a file anew;
+Colours have the names that colours.txt explains, words of pictures their place relative
+to the line above, and marks and meshes are measured in R: so a meant change rewrites
+few lines. `pytest --record FILE` writes the recordings of the tests in a file anew;
 CONTRIBUTING.md names these files. Then read the differences (`git diff tests/looks`),
 and look at the pictures.
 """
 
-from __future__ import annotations
-
 import re
+from collections import defaultdict
 from difflib import unified_diff
 from itertools import groupby
 from pathlib import Path
@@ -15,14 +16,55 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import Collection
-from matplotlib.colors import to_hex
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
+from taichi_disk.output.panel import ON_DARK
+from taichi_disk.render.palette import THEMES
+from taichi_disk.simulation.observables import COLUMNS
+
 LOOKS = Path(__file__).with_name("looks")
 DIGITS = str.maketrans("123456789", "000000000")
 NUMBER = re.compile(r"-?\d+\.?\d*(?:e[-+]\d+)?")
+COLOUR = re.compile(r"#[0-9a-fA-F]{6}|rgb\(\d+, \d+, \d+\)|\((?:[\d.]+, ){2}[\d.]+\)")
+PARTS = ("ground", "ink", "faint", "wall", "arrow", "velocity", "rule")
+
+
+def colours():
+    """Yield the name of each colour of pictures, and its values on light and on dark
+    ground."""
+    light, dark = THEMES.values()
+    for name in PARTS:
+        yield name, to_hex(getattr(light, name)), to_hex(getattr(dark, name))
+    curves = {column.colour: column.label for column in COLUMNS if column.colour}
+    for value, other in ON_DARK.items():
+        yield f"curve of {curves.get(value, 'force')}", value.lower(), other.lower()
+
+
+NAMES = {}
+for part, *values in colours():
+    for ground, value in zip(THEMES, values, strict=True):
+        NAMES.setdefault(value, f"{part} on {ground}")
+
+
+def with_names(text):
+    """Return a text with the names of the colours in it."""
+    return COLOUR.sub(_named, text)
+
+
+def _named(found):
+    """Return the name of a colour in a text, or the colour as it stands there."""
+    text = found[0]
+    if text.startswith("#"):
+        return NAMES.get(text.lower(), text)
+    parts = np.array([float(one) for one in re.findall(r"[\d.]+", text)])
+    if "." not in text:
+        parts /= 255.0
+    if parts.max() > 1.0:
+        return text
+    return NAMES.get(to_hex(to_rgb(parts)), text)
 
 
 def differences(found, known):
@@ -64,11 +106,28 @@ def _allowed(text):
 def check(name, lines, is_recording):
     """Compare `lines` with a recording, or write it."""
     path = LOOKS / f"{name}.txt"
-    text = "\n".join(lines) + "\n"
+    lines = [with_names(line) for line in lines]
+    known = ""
+    if path.exists():
+        known = with_names(path.read_text(encoding="utf-8"))
     if is_recording:
-        path.write_text(text, encoding="utf-8")
-    found = differences(text, path.read_text(encoding="utf-8"))
+        known = "\n".join(_keep(lines, known)) + "\n"
+        path.write_text(known, encoding="utf-8")
+    found = differences("\n".join(lines), known)
     assert not found, "\n".join(found)
+
+
+def _keep(lines, known):
+    """Return `lines`, where they say the same as a line of `known` as it stands there,
+    so that a recording that is made anew does not follow rounding errors."""
+    known_lines = defaultdict(list)
+    for line in known.splitlines():
+        known_lines[NUMBER.sub(_form, line)].append(line)
+    kept = []
+    for line in lines:
+        alike = known_lines[NUMBER.sub(_form, line)]
+        kept.append(next((old for old in alike if _is_close(line, old)), line))
+    return kept
 
 
 def digest(values):
@@ -88,6 +147,7 @@ def digest(values):
 
 def number(value):
     """Return a number with four digits; what is smaller than 1e-9 is 0."""
+    value = float(f"{value:.6g}")  # rounding errors decide about no digit and no form
     if abs(value) < 1e-9:
         return "0"
     text = f"{value:.3e}"
@@ -101,12 +161,25 @@ def numbers(values):
     return " ".join(number(one) for one in np.ravel(values))
 
 
-def of_line(line):
-    """Return a line of a picture's words."""
-    face = line.face
-    weight = "bold" if face.bold else "plain"
-    place = numbers([line.left, line.baseline, face.size])
-    return f"{line.text!r} at {place} {weight} {face.ink}"
+def of_lines(lines, letters, larger=0.0):
+    """Yield the words of a picture: their text, face and colour, the column to which
+    they are aligned [px] and by which part of them, and how far below the line before
+    they stand, over the size of the larger letters. `larger`: letters to which the
+    first line makes room."""
+    faces = {}
+    for name in ("heading", "motion", "text", "small"):
+        faces.setdefault(getattr(letters, name).size, name)
+    above = letters.margin
+    for line in lines:
+        size = line.face.size
+        face = faces.get(size) or f"{size / letters.heading.size:.2f} headings"
+        if line.face.bold:
+            face += " bold"
+        below = (line.baseline - above) / max(size, larger)
+        place = f"{line.x:.1f} ({line.part:.1f}), {below:.2f} below"
+        yield f"{line.text!r} {face} {line.face.ink} at {place}"
+        above = line.baseline
+        larger = size
 
 
 # ---- figures of Matplotlib
@@ -146,13 +219,13 @@ def _of_axes(ax: Axes):
             for one, place in zip(shown, places, strict=False)
             if low <= place <= high and "$" not in one.get_text()
         ]
-        bounds = numbers([low, high])
-        yield f"  {name} {axis.get_scale()} {bounds} ticks {ticks}"
-        if axis.label.get_text():
-            yield "  " + _of_text(f"{name} label", axis.label)
+        text = f"  {name} {axis.get_scale()} {numbers([low, high])} ticks {ticks}"
         grid = [line for line in axis.get_gridlines() if line.get_visible()]
         for line in grid[:1]:
-            yield f"  grid {to_hex(line.get_color())} {line.get_linewidth():.3g}"
+            text += f" grid {to_hex(line.get_color())} {line.get_linewidth():.3g}"
+        yield text
+        if axis.label.get_text():
+            yield "  " + _of_text(f"{name} label", axis.label)
     titles = [ax.get_title(where) for where in ("left", "center", "right")]
     for text in ax.findobj(Text):
         if text.get_text() in filter(None, titles):
@@ -210,6 +283,6 @@ def _of_legend(legend: Legend):
     places = np.array([text.get_window_extent().min for text in texts])
     columns = len(np.unique(places[:, 0].round()))
     first = points(legend.figure, places[0])
-    yield f"  legend {columns} columns from {first} letter {texts[0].get_size():.3g}"
-    for text in texts:
-        yield f"    {text.get_text()!r} {to_hex(text.get_color())}"
+    words = [f"{text.get_text()!r} {to_hex(text.get_color())}" for text in texts]
+    letter = f"{texts[0].get_size():.3g}"
+    yield f"  legend {columns} columns from {first} letter {letter}: {', '.join(words)}"

@@ -1,16 +1,23 @@
 """Pages on the stage of tests/stage/stage.js, which has no fonts, no time, no network
 and no graphics: what they draw, show and send is the same on every machine."""
 
-from __future__ import annotations
-
 import re
 import tempfile
 from pathlib import Path
 
-from taichi_disk.web.drawing import DRAWING, SANDBOX, bundle, source
+from taichi_disk.web.drawing import DRAWING, FILM, bundle, source
 from tests.browser import Browser
 
 FOLDER = Path(__file__).with_name("stage")
+SANDBOX = (
+    "message.js",
+    "graphs.js",
+    "controls.js",
+    "results.js",
+    "scenes.js",
+    "sandbox.js",
+    "page.js",
+)
 # sizes that do not depend on fonts
 STYLE = """
 .sandbox { width: 1000px; height: 700px; }
@@ -27,13 +34,14 @@ figure canvas { width: 400px; height: 350px; }
 def sandbox() -> str:
     """Return the sandbox's page, to which sandbox.js plays the program and the user."""
     main = part("index.html", "<main.*</main>")
-    return staged(main, f"{bundle(*SANDBOX, 'page.js')} {{ {acts('sandbox.js')} }}")
+    modules = bundle(*DRAWING, *SANDBOX)
+    return staged(main, f"{modules} {{ {acts('sandbox.js')} }}")
 
 
 def film() -> str:
     """Return a film of film.js, and what a user does with it."""
     main = part("film.html", r"<main.*(?=<script type=.module)")
-    modules = bundle(*DRAWING, "controls.js", "film.js")
+    modules = bundle(*FILM)
     end = acts("film_acts.js")
     return staged(main, f"{acts('film.js')} await packFilm(); {modules} {{ {end} }}")
 

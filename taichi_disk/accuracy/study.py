@@ -14,7 +14,7 @@ from taichi_disk.accuracy.steps import StepError, StepStudy
 from taichi_disk.api.lattices import compare_lattices
 from taichi_disk.computation.outcome import compute
 from taichi_disk.computation.stability import spectrum
-from taichi_disk.errors import InputError, TaichiDiskError
+from taichi_disk.errors import NOTICES, InputError, TaichiDiskError
 from taichi_disk.integrators import INTEGRATORS
 from taichi_disk.output.files import (
     atomic_write,
@@ -108,6 +108,8 @@ def effects(scene: Scene, progress: Progress) -> dict[str, float]:
         with suppress(TaichiDiskError):
             changed = outcome_of(scene.with_(keys), estimate=False)
             found[effect] = changed.scenario.primary(changed.series)[1] - value
+    for text in outcome.summary["warnings"]:
+        NOTICES.warning(text)
     return found
 
 

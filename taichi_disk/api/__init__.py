@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from inspect import signature
 from pathlib import Path
@@ -23,16 +24,17 @@ from taichi_disk.errors import (
     NOTICES,
     InputError,
     SimulationError,
+    check_flags,
     did_you_mean,
     nearest,
     whole_number,
 )
 from taichi_disk.lattice import Array, Lattice, disk_of, numbers
 from taichi_disk.output import files
-from taichi_disk.output.artist import drawing_process
 from taichi_disk.output.report import headline, rows, shown
 from taichi_disk.output.run_folder import run_folder
 from taichi_disk.progress import Progress, reported, silent
+from taichi_disk.render.artist import drawing_process
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.scenes.scene import DiskScene
 from taichi_disk.signals import raise_if_interrupted
@@ -66,6 +68,8 @@ class Result(Outcome):
             name, value = next(iter(self.numbers.items()))
             parts = shown(value, self.error, exact=self.scenario.static)
             number = " ".join((name, *parts)).strip()
+        if self.warnings:
+            number += ", see .warnings"
         return (
             f"Result({self.scene.scene}, {self.lattice.disk_points} points, {number})"
         )
@@ -77,7 +81,12 @@ class Result(Outcome):
             "    ".join(self.scenario.words.title).replace("    ", " · "),
             rows(self.summary, self.scenario.words.labels),
             self.plot(),
+            self.warnings,
         )
+
+    def _repr_png_(self) -> bytes:
+        """Return a picture for documents without HTML, such as those by LaTeX."""
+        return self.plot()._repr_png_()
 
     @property
     def scene(self) -> Scene:
@@ -115,6 +124,11 @@ class Result(Outcome):
                 f" {', '.join(self.numbers)}"
             )
         return self.numbers[name]
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is doubtful about the result; the logger `taichi_disk` has said it."""
+        return list(self.summary["warnings"])
 
     @property
     def error(self) -> float | None:
@@ -290,10 +304,11 @@ class Result(Outcome):
     def plot(self) -> Plot:
         """Return the curves of plot.png as a Matplotlib figure, which may be changed
         and saved."""
+        from taichi_disk.output.inline import registered
         from taichi_disk.output.plot import plot_scene, run_figure
 
         quoted = headline(self.summary, self.scenario.words.labels)
-        return run_figure(plot_scene(self.scenario, self.series, quoted))
+        return registered(run_figure(plot_scene(self.scenario, self.series, quoted)))
 
     @runtime.alone()
     def draw(
@@ -314,12 +329,16 @@ class Result(Outcome):
         Displacements are not magnified. Raises InputError for an unknown quantity or
         moment.
         """
+        from taichi_disk.output.inline import registered
         from taichi_disk.render.state_figure import draw_state
 
         scene = self.scene
         if colour:
             scene = scene.with_({"video.colour": colour})
-        return draw_state(self, scene.video, t, ax)
+        figure = draw_state(self, scene.video, t, ax)
+        if ax is None:
+            registered(figure)
+        return figure
 
     def show(
         self,
@@ -425,15 +444,18 @@ class Result(Outcome):
         Raises InputError if `out` holds another run (unless `overwrite`) or files that
         no run wrote.
         """
+        check_flags(video=video, overwrite=overwrite)
         out = as_path(out, "out")
         own = self.scenario.own
         text = self.scenario.stored_scene.to_yaml()
         with run_folder(out, text, False, overwrite, lattice=own.digest) as folder:
             work = Work(self.scene, own.disk, own.velocities)
+            copy = replace(self, summary=dict(self.summary))
             work.write_start(folder.path, self.scenario)
+            work.write(folder, copy)
+            folder.appear()
             with drawing_process(video) as artist:
-                copy = replace(self, summary=dict(self.summary))
-                work.write(folder, copy, artist, video)
+                work.draw(folder, copy, artist, video)
         if folder.failure:
             raise SimulationError(folder.failure)
         return folder.out
@@ -444,7 +466,7 @@ class Result(Outcome):
     def load(
         cls,
         folder: Path | str,
-        overrides: Sequence[str] = (),
+        overrides: str | Sequence[str] = (),
         progress: Progress | None = None,
         estimate: bool = True,
     ) -> Result:
@@ -506,6 +528,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
     threads: int | None = None,
     lattices: int | None = None,
     progress: Progress | None = None,
+    computed: Callable[[Result], object] | None = None,
     started: float = 0.0,
     **changes: Any,
 ) -> Result:
@@ -533,6 +556,8 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
             or the number of equilibria, "lattices" with the number of lattices,
             "render" with the number of pictures. It must not compute, film or examine a
             result.
+        computed: called with the result when its numbers are in the folder, before
+            curves, film and trajectory are.
         started: time that the process has taken before [s], for the wall clock of the
             summary.
         changes: keys of the scene and their values.
@@ -548,6 +573,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
     if changes:
         _check_arguments(scene, changes)
         scene = scene.with_(changes)
+    check_flags(video=video, overwrite=overwrite, count_on=count_on, force=force)
     if lattices is not None:
         whole_number(lattices, "lattices", MOST_LATTICES)
     # reads the files of a lattice and velocities only once, because they may change
@@ -559,6 +585,11 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
             raise InputError("export: needs a folder, `out`")
         outcome = work.solve(work.build(threads), **options)
         return Result(**vars(outcome))
+    if isinstance(out, str) and re.match(r"[\w.]+=", out):
+        raise InputError(
+            f"out: {out} looks like a change of the scene: write it as a key, as in"
+            f" run(scene, velocity=0.1), or the folder as ./{out}"
+        )
     out = as_path(out, "out")
     text = own.repeating(work.scene).to_yaml()
     with run_folder(out, text, count_on, overwrite, own.digest) as folder:
@@ -566,16 +597,25 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
             from taichi_disk.output.export import check_export
 
             check_export(folder.path, export)
-        with work.failing_into(folder.path), drawing_process(video) as artist:
-            scenario = work.build(threads)
-            work.write_start(folder.path, scenario)
-            outcome = work.solve(scenario, **options)
-            work.write(folder, outcome, artist, video, export)
+        with drawing_process(video) as artist:
+            with work.failing_into(folder.path):
+                scenario = work.build(threads)
+                work.write_start(folder.path, scenario)
+                outcome = work.solve(scenario, **options)
+                work.write(folder, outcome)
+            folder.appear()
+            # without room for anything there is no folder
+            written = folder.out if folder.out.is_dir() else None
+            result = Result(**vars(outcome), out=written)
+            if computed is not None:
+                computed(result)
+            if outcome.summary["status"] == "done":
+                work.draw(folder, outcome, artist, video, export)
     if folder.failure:
         outcome.summary.update(status="failed", reason=folder.failure)
-    # without room for anything there is no folder
-    written = folder.out if folder.out.is_dir() else None
-    return Result(**vars(outcome), out=written)
+    if outcome.summary["status"] != "done":
+        NOTICES.error(outcome.summary["reason"])
+    return result
 
 
 def _check_arguments(scene: Scene, changes: dict[str, Any]) -> None:

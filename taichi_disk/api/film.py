@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from taichi_disk.config.sections import VideoSection
-from taichi_disk.output.artist import Artist
 from taichi_disk.progress import Progress
+from taichi_disk.render.artist import Artist
 from taichi_disk.render.moments import WHOLE, Run, Span
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.computation.outcome import ESTIMATE_UP_TO, Outcome
-from taichi_disk.errors import described
+from taichi_disk.errors import by_kind, described
 from taichi_disk.integrators import INTEGRATORS
 from taichi_disk.lattice import Array
 from taichi_disk.progress import Progress
@@ -81,12 +81,13 @@ def compare_lattices(
     summary.json. The seeds are consecutive and begin with the scene's.
 
     Returns `seeds` and, for each result and `vibration_left`, `statistics_of` its
-    values. Seeds without a result are left out and named in the warnings of the
-    outcome's summary.
+    values. Seeds without a result are left out. The warnings of the outcome's summary
+    name them, and contain the warnings of other lattices.
     """
     scene: Scene = outcome.scenario.scene
     seeds = [scene.lattice.seed]
     results = [_numbers(outcome)]
+    warnings: list[str] = []
     for number in range(1, count):
         progress("lattices", number - 1, count - 1)
         seed = (scene.lattice.seed + number) % 2**32
@@ -95,11 +96,16 @@ def compare_lattices(
             other = outcome_of(sample, force=force, estimate=False)
             results.append(_numbers(other))
             seeds.append(seed)
+            warnings += other.summary["warnings"]
         # The scene's own result is complete, whatever happens to another lattice.
         except Exception as error:
             outcome.summary["warnings"].append(
                 f"there is no result on the lattice of seed {seed}: {described(error)}"
             )
+    for text, warned in by_kind(warnings).items():
+        outcome.summary["warnings"].append(
+            f"{warned} of {count - 1} other lattices: {text}"
+        )
     comparison: dict[str, Any] = {"seeds": seeds}
     if len(results) == 1:
         return comparison

@@ -18,20 +18,22 @@ from taichi_disk.api.lattices import compare_lattices, lattice_count
 from taichi_disk.computation.diagnostics import BlowUp
 from taichi_disk.computation.outcome import Outcome, compute
 from taichi_disk.computation.scenario import Scenario
-from taichi_disk.errors import NoPictures, SimulationError
+from taichi_disk.errors import NOTICES, NoPictures, SimulationError
 from taichi_disk.lattice import Lattice, own_start
 from taichi_disk.output import files
-from taichi_disk.output.artist import Artist
 from taichi_disk.output.plot import plot_run, plot_scene
 from taichi_disk.output.report import headline
 from taichi_disk.output.run_folder import RunFolder
 from taichi_disk.progress import Progress, silent
+from taichi_disk.render.artist import Artist
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import body_of, spectrum_of
 from taichi_disk.simulation.simulation import shared_kernels
 
 FRAMES = 200  # default number of frames of a trajectory
 MOST_FRAMES = 100_000
+# keys of the summary that say why a file is missing, by stage
+ERRORS = {"export": "export_error", "film": "video_error"}
 
 
 class Work:
@@ -91,8 +93,8 @@ class Work:
     def solve(
         self, scenario: Scenario, lattices: int | None = None, **options: Any
     ) -> Outcome:
-        """Compute `scenario` and return the outcome with a complete summary. Options
-        and errors as for `compute`."""
+        """Compute `scenario`, pass on notes and warnings, and return the outcome with a
+        complete summary. Options and errors as for `compute`."""
         scene = self.scene
         if self.own.disk is None:
             options["spectrum_of"] = partial(spectrum_of, scene)
@@ -112,6 +114,10 @@ class Work:
         notes = [*lattice.notes, *scene.notes(lattice.disk_points), *notes]
         if notes:
             summary["notes"] = notes
+        for text in notes:
+            NOTICES.info(text)
+        for text in summary["warnings"]:
+            NOTICES.warning(text)
         self.summary = summary
         return replace(outcome, summary=summary)
 
@@ -150,8 +156,6 @@ class Work:
             self.lap(status)
             is_computed = bool(self.summary)
             self.summary |= self._heading(status, str(failure) or None)
-            for unfinished in path.glob(".*.new.*"):  # left by the drawing process
-                files.remove(unfinished)
             with suppress(SimulationError):  # there is no room for it
                 files.write_summary(path / "summary.json", self.summary)
             if isinstance(failure, BlowUp):
@@ -171,26 +175,16 @@ class Work:
             impedance=scenario.model.impedance,
         )
 
-    def write(
-        self,
-        folder: RunFolder,
-        outcome: Outcome,
-        artist: Artist,
-        video: bool,
-        export: str | None = None,
-    ) -> None:
-        """Write the files of a run: results, then trajectory, film and curves, which
-        `artist` draws, and summary.json first and last, which says what is missing.
-        The failure of one takes no other along."""
+    def write(self, folder: RunFolder, outcome: Outcome) -> None:
+        """Write the numbers of a run, and summary.json first and last."""
         path = folder.path
         summary = outcome.summary
-        scenario = outcome.scenario
         # The first file holds the numbers, in case there is no room for the others.
         incomplete = {"status": "failed", "reason": "its files could not be written"}
         files.write_summary(path / "summary.json", summary | incomplete)
-        asked = scenario.scene.time.sample_interval
+        asked = outcome.scenario.scene.time.sample_interval
         # Write all rows of a loading, because they are not equally spaced.
-        interval = 0.0 if asked == "auto" or scenario.static else asked
+        interval = 0.0 if asked == "auto" or outcome.scenario.static else asked
         files.write_timeseries(path / "timeseries.csv", outcome.series, interval)
         end = {
             "positions": outcome.positions,
@@ -198,7 +192,25 @@ class Work:
             "t": outcome.series["t"][-1],
         }
         files.write_arrays(path / "final.npz", **end)
+        folder.take_over()
+        summary["video"] = folder.film()
+        files.write_summary(path / "summary.json", summary)
         self.lap("write")
+
+    def draw(
+        self,
+        folder: RunFolder,
+        outcome: Outcome,
+        artist: Artist,
+        video: bool,
+        export: str | None = None,
+    ) -> None:
+        """Add trajectory, film and curves, which `artist` draws, to the numbers of a
+        run, and tell summary.json what is missing. The failure of one takes no other
+        along."""
+        path = folder.path
+        summary = outcome.summary
+        scenario = outcome.scenario
         quoted = headline(summary, scenario.words.labels)
         shown = plot_scene(scenario, outcome.series, quoted)
         finish_plot = artist.begin(plot_run, path / "plot.png", shown)
@@ -214,7 +226,7 @@ class Work:
             except Exception as error:
                 _note_failure(summary, stage, str(error) or repr(error))
             self.lap(stage)
-        summary["video"] = folder.take_over()
+        summary["video"] = folder.film()
         files.write_summary(path / "summary.json", summary)
 
 
@@ -237,16 +249,18 @@ def _film(path: Path, outcome: Outcome, artist: Artist, progress: Progress) -> N
     except NoPictures as error:
         film(path / "video.html", [outcome], section, progress)
         text = f"the film is video.html, a page for any browser, because {error}"
+        NOTICES.info(text)
         _add(outcome.summary, "notes", text)
 
 
 def _note_failure(summary: dict[str, Any], stage: str, text: str) -> None:
-    if stage == "export":
-        summary["export_error"] = text
-    elif stage == "film":
-        summary["video_error"] = text
-    else:
-        _add(summary, "warnings", f"there is no plot.png: {text}")
+    if stage in ERRORS:
+        summary[ERRORS[stage]] = text
+        NOTICES.error(text)
+        return
+    warning = f"there is no plot.png: {text}"
+    _add(summary, "warnings", warning)
+    NOTICES.warning(warning)
 
 
 def _add(summary: dict[str, Any], key: str, text: str) -> None:

@@ -65,11 +65,23 @@ def unacceptable(scenario: Scenario, columns: Columns) -> str | None:
 
 def warnings(scenario: Scenario, columns: Columns) -> list[str]:
     candidates = [
+        inside_out(columns),
         unacceptable(scenario, columns),
         _sliding(scenario, columns),
         _rotation_lost(scenario, columns),
     ]
     return [text for text in candidates if text]
+
+
+def inside_out(columns: Columns) -> str:
+    count = int(columns["inverted"].max())
+    if not count:
+        return ""
+    return (
+        f"{count} of the lattice's triangles turned inside out: springs have crossed"
+        " there, and the result is meaningless; lower the speed or the pressure, or"
+        " take fewer points"
+    )
 
 
 def _sliding(scenario: Scenario, columns: Columns) -> str:

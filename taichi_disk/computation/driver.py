@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import ceil, inf
 from time import perf_counter
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -202,25 +202,17 @@ class Driver:
         self._rows[self.count : self.count + len(rows)] = rows
         self.count += len(rows)
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {
-            name: value for name, value in vars(self).items() if name != "simulation"
-        }
+    def let_go(self) -> None:
+        """Forget what only a run that goes on needs."""
+        del self.simulation
 
     def replay(self, times: Array) -> Iterator[State]:
         """Repeat the last attempt bitwise, and yield the states at the steps nearest
         to `times` (ascending)."""
         runtime.start()  # another process may have computed the run
         simulation = self._simulation()
-        snapshot = self.start
-        mine = simulation.generation
         stride = self._launch_steps
         for number in np.rint(np.asarray(times) / self.step.dt).astype(int):
-            # another run has reset the simulation meanwhile
-            if simulation.generation != mine:
-                simulation = self._simulation()
-                simulation.restore(snapshot)
-                mine = simulation.generation
             while simulation.step_number < number:
                 simulation.advance(
                     min(int(number) - simulation.step_number, stride), stride

@@ -3,23 +3,19 @@ within a tolerance."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import combinations
 from math import inf
-from typing import NamedTuple
 
 import numpy as np
 
 from taichi_disk.computation.contact import (
-    contact_interval,
-    greatest_compression,
     vibration_change,
     vibration_left,
 )
 from taichi_disk.computation.diagnostics import (
     BlowUp,
-    inverted_triangles,
     relative_imbalance,
 )
 from taichi_disk.computation.driver import Driver, Status
@@ -27,7 +23,6 @@ from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.stability import TimeStep
 from taichi_disk.computation.step_control import fitted
 from taichi_disk.errors import SimulationError
-from taichi_disk.lattice import Array
 from taichi_disk.progress import Progress, silent
 from taichi_disk.simulation.observables import Columns, split
 
@@ -76,16 +71,6 @@ CHAOTIC_SEARCH = 8
 # reset, where the results at three steps may agree by chance.
 PATH_TURN = 1e-5
 
-INSTANTS = 20  # of the contact, at which inverted triangles are counted
-
-
-class SecondRun(NamedTuple):
-    """Errors of results by name (empty if the second run has no result), and the
-    largest number of triangles that were turned inside out during its contact."""
-
-    errors: dict[str, float]
-    inverted: int
-
 
 def richardson(dt: float, runs: list[tuple[float, float]], order: int) -> float:
     """Return the error at the step `dt` from the steps and results of two or more
@@ -100,9 +85,10 @@ def richardson(dt: float, runs: list[tuple[float, float]], order: int) -> float:
     return max(errors)
 
 
-def second_run(driver: Driver, progress: Progress = silent) -> SecondRun:
-    """Run the finished scene of `driver` again with another step and, if errors fall
-    irregularly, with a third. Raises SimulationError if there is no result then."""
+def second_run(driver: Driver, progress: Progress = silent) -> dict[str, float]:
+    """Return the errors of results by name: run the finished scene of `driver` again
+    with another step and, if errors fall irregularly, with a third. Raises
+    SimulationError if there is no result then."""
 
     def complete(other: Driver) -> Status:
         status: Status = "running"
@@ -114,12 +100,9 @@ def second_run(driver: Driver, progress: Progress = silent) -> SecondRun:
     # Irregular errors may agree by chance, hence three runs. On the hardest walls the
     # error also stays at a plateau, which differences do not show: the estimate is at
     # least a fraction of the worst imbalance.
-    inverted = 0
     others: list[Driver] = []
     for dt in _other_steps(driver):
         other = _with_step(driver, dt)
-        if not others:
-            inverted = _most_inverted(other, contact_states(other, driver.columns))
         if complete(other) == "failed" and dt > driver.step.dt:
             other = _with_step(driver, driver.step.dt / STEP_RATIO)
             complete(other)
@@ -129,7 +112,7 @@ def second_run(driver: Driver, progress: Progress = silent) -> SecondRun:
     if driver.scenario.model.reset_interval:
         changes = _changes_by_turns(driver)
         errors = {name: error + changes[name] for name, error in errors.items()}
-    return SecondRun(errors, inverted)
+    return errors
 
 
 def _with_step(driver: Driver, dt: float) -> Driver:
@@ -161,24 +144,6 @@ def measured(scenario: Scenario, columns: Columns) -> dict[str, float]:
             split(columns, scenario.lattice.inertia)
         )
     return numbers
-
-
-def _most_inverted(driver: Driver, states: Iterable[Array]) -> int:
-    """Return the largest number of triangles that are turned inside out in one of the
-    `states` (n, 2) [R]."""
-    lattice = driver.scenario.lattice
-    return max((inverted_triangles(lattice, x) for x in states), default=0)
-
-
-def contact_states(driver: Driver, columns: Columns) -> Iterator[Array]:
-    """Advance `driver` through the contact, and yield positions (n, 2) on the way.
-    `columns`: of a finished run of the same scene."""
-    start, end = contact_interval(columns)
-    times = [*np.linspace(start, end, INSTANTS), greatest_compression(columns)]
-    for t in sorted(times):
-        steps = round(t / driver.step.dt) - driver.simulation.step_number
-        if steps > 0 and driver.advance(steps=steps) == "running":
-            yield driver.state.vectors[0]
 
 
 def _errors(driver: Driver, others: list[Driver], order: int) -> dict[str, float]:
@@ -312,9 +277,10 @@ def _order(driver: Driver) -> int:
 
 def within_tolerance(
     driver: Driver, run: Callable[[TimeStep], Driver]
-) -> tuple[Driver, SecondRun]:
+) -> tuple[Driver, dict[str, float]]:
     """Halve the step of the finished `driver` until three successive results show that
-    the error is within `time.tolerance`. Return the run with the shortest step.
+    the error is within `time.tolerance`. Return the run with the shortest step, and its
+    errors of results by name.
 
     `run` runs the scene to its end with a step. Raises SimulationError if no step is
     found.
@@ -343,9 +309,7 @@ def within_tolerance(
             if growth >= CHAOTIC_FROM:
                 most = CHAOTIC_SEARCH
         if error <= tolerance and (order > 1 or growth < CHAOTIC_FROM):
-            again = _with_step(driver, driver.step.dt)
-            states = contact_states(again, driver.columns)
-            return last, SecondRun(errors, _most_inverted(again, states))
+            return last, errors
     raise SimulationError(_missed(scenario, runs[-1], halvings, error, left, growth))
 
 

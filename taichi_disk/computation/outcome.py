@@ -7,15 +7,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from taichi_disk.computation import diagnostics
-from taichi_disk.computation.contact import greatest_compression
-from taichi_disk.computation.diagnostics import inverted_triangles
 from taichi_disk.computation.driver import Driver, State
 from taichi_disk.computation.error_estimate import (
     SUSPICIOUS_ERROR,
-    SecondRun,
     second_run,
     within_tolerance,
 )
@@ -69,8 +64,7 @@ def compute(
     Args:
         spectrum_of: returns the spectrum of the lattice and the model.
         force: whether to accept a user's step beyond the stability limit.
-        estimate: whether a second run estimates the error and counts inverted
-            triangles, unless that takes long.
+        estimate: whether a second run estimates the error, unless that takes long.
         loads: number of equilibria of a quasi-static loading; 1: only the full load,
             with bitwise the same result.
 
@@ -89,10 +83,10 @@ def compute(
         driver = runs.run(control.step)
     if driver.failure:
         raise driver.failure
-    second = None
+    errors = None
     if scenario.scene.time.tolerance != "none" and scenario.step_dependent:
-        driver, second = within_tolerance(driver, runs.finished)
-    return _described(driver, second, estimate, runs)
+        driver, errors = within_tolerance(driver, runs.finished)
+    return _described(driver, errors, estimate, runs)
 
 
 class Runs:
@@ -111,6 +105,7 @@ class Runs:
         self.progress("simulate", 0.0, last)
         while driver.advance(seconds=0.1) == "running":
             self.progress("simulate", driver.simulation.time, last)
+        driver.let_go()
         return driver
 
     def finished(self, step: TimeStep) -> Driver:
@@ -122,7 +117,7 @@ class Runs:
 
 
 def _described(
-    driver: Driver, second: SecondRun | None, estimate: bool, runs: Runs
+    driver: Driver, errors: dict[str, float] | None, estimate: bool, runs: Runs
 ) -> Outcome:
     scenario = driver.scenario
     step = driver.step
@@ -144,24 +139,20 @@ def _described(
         and end.step * step.integrator.forces * len(scenario.lattice.bonds)
         <= ESTIMATE_UP_TO
     )
-    errors: dict[str, float] = {}
-    inverted = None
     primary, value = scenario.primary(columns)
     if not scenario.step_dependent:
         left = scenario.end_truncation_error(columns)
-        errors[primary] = REST_CAUTION * left + ROUNDING
-        if small:
-            compressed = next(driver.replay(np.array([greatest_compression(columns)])))
-            inverted = inverted_triangles(scenario.lattice, compressed.positions)
-    elif second or small:
-        errors, inverted = second or second_run(driver, runs.progress)
+        errors = {primary: REST_CAUTION * left + ROUNDING}
+    elif errors is None and small:
+        errors = second_run(driver, runs.progress)
+    errors = errors or {}
     gained = diagnostics.energy_gained(scenario, columns, errors.get(primary))
     if gained:
         warnings.append(diagnostics.faster_than_before(gained))
     is_uncertain = errors.get(primary, 0.0) > SUSPICIOUS_ERROR * abs(value)
     if is_uncertain and scenario.step_dependent:
         warnings.append(uncertain(primary, value, errors[primary]))
-    summary = summary_of(scenario, columns, warnings, inverted) | {
+    summary = summary_of(scenario, columns, warnings) | {
         "steps": end.step,
         "dt": step.dt,
         "dt_limit": limit,
@@ -195,10 +186,10 @@ def uncertain(name: str, value: float, error: float) -> str:
 
 
 def summary_of(
-    scenario: Scenario, columns: Columns, warnings: list[str], inverted: int | None
+    scenario: Scenario, columns: Columns, warnings: list[str]
 ) -> dict[str, Any]:
-    """Return results, their definitions and `warnings`, to which one about `inverted`
-    triangles is added (None: not counted)."""
+    """Return results, their definitions, `warnings`, and the number of inverted
+    triangles."""
     numbers = scenario.result(columns)
     known = {*numbers}
     if scenario.is_thrown:
@@ -206,16 +197,9 @@ def summary_of(
     measured = {
         name: note for name, note in scenario.words.measured.items() if name in known
     }
-    summary: dict[str, Any] = {**numbers, "measured": measured, "warnings": warnings}
-    if inverted is None:
-        return summary
-    if inverted:
-        triangles = "triangle"
-        if inverted > 1:
-            triangles = "triangles"
-        warnings.append(
-            f"{inverted} {triangles} of the lattice turned inside out: springs have"
-            " crossed there, and the result is meaningless; lower the speed or the"
-            " pressure, or take fewer points"
-        )
-    return summary | {"inverted_triangles": inverted}
+    return {
+        **numbers,
+        "measured": measured,
+        "warnings": warnings,
+        "inverted_triangles": int(columns["inverted"].max()),
+    }

@@ -64,18 +64,17 @@ class Key:
     step: float = 0  # numbers must be multiples of it, unless it is 0
 
     def accepts(self, value: Any) -> bool:
-        """Return whether the key may have this value. A whole number is accepted for a
-        float."""
+        """Return whether the key may have this value. A whole number may be a float, as
+        in tables of pandas and ranges of NumPy."""
         if isinstance(value, str):
             if self.kind is str and not self.words:
                 return _is_file_name(value)
             return value in self.words
         if self.kind is bool:
             return type(value) is bool
-        kinds = [self.kind]
-        if self.kind is float:
-            kinds.append(int)
-        if type(value) not in kinds or not self.low <= value <= self.high:
+        if type(value) not in (int, float) or not self.low <= value <= self.high:
+            return False
+        if self.kind is int and value % 1:
             return False
         return self.step == 0 or value % self.step == 0
 
@@ -430,9 +429,12 @@ class VideoSection(Section):
         low=0,
         high=2,
     )
+    ringing: Literal["auto", "none"] = key(
+        "auto", "auto: vibration after an impact on a rigid wall is shown stronger"
+    )
     text: float = key(1.0, "factor on the size of letters", low=0.5, high=3)
     words: Literal["all", "few"] = key(
-        "all", "few: title, time, motion and result, for slides"
+        "all", "few: title, pace, motion and result, for slides"
     )
     supersample: float = key(
         1.0,
@@ -454,3 +456,10 @@ class VideoSection(Section):
         if fps == "auto":
             fps = 15 if form == "gif" else 30
         return size, fps
+
+
+# Ends of the sliders of pages, inside the bounds of the keys.
+SLIDERS = {
+    "material.eta_star": (0.0, 100.0),
+    "impact.velocity": (1e-3, 0.1),
+}

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -263,7 +263,7 @@ def _plain(value: Any, path: Keys, tree: Tree) -> Any:
             name: _plain(item, (*path, name), tree) for name, item in items.items()
         }
         shown = "a mapping"
-    elif isinstance(value, (list, tuple)):
+    elif isinstance(value, Iterable) and not isinstance(value, (str, bytes)):
         plain = [_plain(item, (*path, str(k)), tree) for k, item in enumerate(value)]
         shown = "a list"
     elif value is None or isinstance(value, (bool, int, float)):
@@ -275,8 +275,8 @@ def _plain(value: Any, path: Keys, tree: Tree) -> Any:
     return plain
 
 
-def read_tree(source: Source, overrides: Sequence[str]) -> Tree:
-    """Read `source` and apply `overrides` of the form "section.key=value".
+def read_tree(source: Source, overrides: str | Sequence[str]) -> Tree:
+    """Read `source` and apply one or more `overrides`, "section.key=value" each.
 
     A str with a line end or ": " is YAML text. The source may be a pipe, because it is
     read only once. Raises InputError if the source does not exist or is no mapping;
@@ -303,6 +303,8 @@ def read_tree(source: Source, overrides: Sequence[str]) -> Tree:
             f" not {entry.shown}"
         )
         raise InputError(f"{entry.value}: {what}")
+    if isinstance(overrides, str):
+        overrides = [overrides]
     # A missing key has no line to report.
     tree.entries[()] = Entry(start, start, "a mapping")
     for rank, override in enumerate(overrides, start=1):

@@ -1,8 +1,7 @@
 """What this package uses of the engine that is not public, and patches of Taichi 1.7.4.
 
-The patches save 0.1 s of a first run of 2.0 s. They act on functions of this package
-only, so that the user's own kernels get Taichi's full messages. `launches`
-has one more of them, and `signals` and `physics.law` each contain a workaround.
+The patches act on functions of this package only, so that the user's own kernels get
+Taichi's full messages. `signals` and `physics.law` each contain a workaround.
 """
 
 from __future__ import annotations
@@ -11,8 +10,8 @@ import inspect
 import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from functools import lru_cache, partial
+from contextlib import ExitStack, contextmanager
+from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -31,6 +30,31 @@ def program(ti: Any) -> Any:
 def settings(ti: Any) -> Any:
     """Return the settings of the running program, as attributes."""
     return ti.lang.impl.current_cfg()
+
+
+@contextmanager
+def own_settings(ti: Any) -> Iterator[None]:
+    """Make fields and compile kernels in this block as this package needs it: in exact
+    double precision, with vectors kept whole (see `physics.law`). Afterwards the
+    settings of the user's `ti.init` hold again."""
+    config = settings(ti)
+    runtime = ti.lang.impl.get_runtime()
+    own = [
+        (runtime, "default_fp", ti.f64),
+        (config, "default_fp", ti.f64),
+        # True is no faster here, and results would depend on how a kernel is optimised
+        (config, "fast_math", False),
+        (config, "real_matrix_scalarize", False),
+    ]
+    if hasattr(config, "compile_tier"):
+        # The fork's default compiles faster, and a step then takes eleven times as
+        # long.
+        own.append((config, "compile_tier", "balanced"))
+    with ExitStack() as stack:
+        for holder, name, value in own:
+            stack.callback(setattr, holder, name, getattr(holder, name))
+            setattr(holder, name, value)
+        yield
 
 
 def has_vulkan(ti: Any) -> bool:
@@ -55,7 +79,8 @@ def field_builder(ti: Any) -> Iterator[Any]:
     declared = {name: list(getattr(runtime, name)) for name in DECLARED}
     builder = ti.FieldsBuilder()
     try:
-        yield builder
+        with own_settings(ti):
+            yield builder
     except BaseException:
         runtime.unfinalized_fields_builder.pop(builder, None)
         vars(runtime).update(declared)
@@ -84,8 +109,6 @@ def patch(ti: Any) -> None:
     """
     if ti.__version__ != PATCHED:
         return
-    from taichi_disk.engine.launches import quick_call  # which needs NumPy
-
     kernel_impl = ti.lang.kernel_impl
     transformer = ti.lang.ast.ast_transformer_utils.ASTTransformerContext
     full_position = transformer.get_pos_info
@@ -110,6 +133,3 @@ def patch(ti: Any) -> None:
     kernel_impl._inside_class = is_in_class
     # an inlined function is read again each time (0.03 s of a warm run)
     kernel_impl.getsourcelines = lru_cache(maxsize=None)(kernel_impl.getsourcelines)
-    kernel_impl.Kernel.__call__ = quick_call(
-        kernel_impl, partial(program, ti), OWN_FILES
-    )

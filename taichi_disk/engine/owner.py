@@ -7,6 +7,7 @@ of the process, because the user's threads come and go.
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -14,11 +15,14 @@ from functools import lru_cache
 from typing import Any, TypeVar
 
 from taichi_disk import engine
+from taichi_disk.engine.internals import own_settings
+from taichi_disk.errors import TaichiDiskError
 
 T = TypeVar("T")
 # the program that `start` has made; the user may make others
 _program: Any = None
-_is_elsewhere = False  # whether the thread of this module has made it
+# the process whose thread of this module has made it; 0: its main thread has
+_process = 0
 
 
 @lru_cache(maxsize=1)
@@ -32,24 +36,33 @@ def _is_main() -> bool:
 
 def must_move() -> bool:
     """Whether this thread cannot use the engine, because the main thread has started
-    it."""
-    is_ours = engine.program() is _program
-    return is_ours and not (_is_elsewhere or _is_main())
+    it. Raises TaichiDiskError if a thread has, which a forked process lacks."""
+    if engine.program() is not _program:
+        return False
+    if _process not in (0, os.getpid()):
+        raise TaichiDiskError(
+            "Taichi was started by a thread of the process that forked this one, and"
+            ' a fork copies no threads: start processes with the method "spawn"'
+        )
+    return not (_process or _is_main())
 
 
 def start(init: Callable[[], None]) -> None:
     """Call `init`, which starts the engine anew."""
-    global _program, _is_elsewhere
+    global _program, _process
+    _process = 0
     if _is_main():
         init()
     else:
+        _process = os.getpid()
         _thread().submit(init).result()
-    _is_elsewhere = not _is_main()
     _program = engine.program()
 
 
 def call(function: Callable[..., T], *arguments: Any) -> T:
-    """Return `function(*arguments)`, called in the thread that owns the engine."""
-    if _is_elsewhere and engine.program() is _program:
-        return _thread().submit(function, *arguments).result()
-    return function(*arguments)
+    """Return `function(*arguments)`, called in the thread that owns the engine and with
+    this package's settings."""
+    with own_settings(engine.loaded()):
+        if _process and engine.program() is _program:
+            return _thread().submit(function, *arguments).result()
+        return function(*arguments)

@@ -11,7 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.errors import InputError, reason, shown_path, whole_number
+from taichi_disk.errors import (
+    InputError,
+    reason,
+    shown_path,
+    whole_number,
+)
 from taichi_disk.text_files import check_file
 
 # size limit of a file; a disk and a wall of 2,000,000 points each take 430,000,000

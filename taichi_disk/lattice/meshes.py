@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
@@ -47,6 +48,7 @@ def _read(path: Path) -> Any:
             "a lattice is read from a .csv, .txt, .tsv or .npz file; for meshes meshio"
             f" is needed: {install_extra('export')}"
         ) from None
+    _check(path.read_bytes())
     # meshio prints why it cannot read a file, and then ends the process.
     printed = io.StringIO()
     try:
@@ -55,12 +57,25 @@ def _read(path: Path) -> Any:
     except ModuleNotFoundError as error:
         reason = f"it needs {error.name}: {pip_install(str(error.name))}"
     except (Exception, SystemExit) as error:
-        words = " ".join(printed.getvalue().split()) or repr(error)
-        reason = printable(words, width=200)
+        words = " ".join(printed.getvalue().split()) or str(error)
+        reason = printable(words, width=200) or f"it is no {path.suffix} file"
     raise InputError(
-        f"meshio cannot read this file ({reason}): convert it with `meshio convert`, or"
-        " give points and triangles to Lattice.from_points"
+        f"meshio cannot read this file ({reason}): write its points as a table (.csv)"
+        " with the columns x and y, or give points and triangles to"
+        " Lattice.from_points"
     )
+
+
+def _check(content: bytes) -> None:
+    """Raise InputError for a file with which meshio would fill the memory."""
+    if re.search(rb"^\*INCLUDE", content, re.M | re.I):
+        raise InputError("it includes another file: write both into one (*INCLUDE)")
+    # meshio makes a table of all numbers up to the largest
+    if re.search(rb"\$Nodes.*?^ *[0-9]{9,}\s", content, re.M | re.S):
+        raise InputError(
+            "a node or a triangle has a number above 99,999,999: number them from 1 on"
+            " (RenumberMeshNodes in gmsh)"
+        )
 
 
 def _triangles_of(mesh: Any) -> Long:
@@ -76,5 +91,9 @@ def _triangles_of(mesh: Any) -> Long:
                 " the disk with triangles only"
             )
     if not triangles:
-        raise InputError("the mesh has no triangles")
+        groups = ", ".join(mesh.field_data) or "none"
+        raise InputError(
+            f"the mesh has no triangles (physical groups: {groups}); if there are"
+            " groups, gmsh leaves out what is in none: add a Physical Surface"
+        )
     return np.concatenate(triangles)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 
 import numpy as np
@@ -12,7 +13,7 @@ from taichi_disk.lattice.triangles import Array
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)(e[-+]?[0-9]+)?", re.I | re.A)
 _DECIMAL_COMMA = re.compile(r"(?<=[0-9]),(?=[0-9])")
 # the name of a column, which a unit may follow: x [mm], x (mm), x/mm
-_NAME = re.compile(r"(x|y|mass)(\s*[\[(/].*)?", re.S)
+_NAME = re.compile(r"(x|y|mass)((?<=s)es)?(\s*[\[(/].*)?", re.S)
 _WORD = re.compile("[a-z0-9_]+")
 
 
@@ -23,7 +24,8 @@ def read_table(text: str) -> tuple[Array, Array | None]:
     with a unit behind it or without, or it has no names and exactly two columns. Other
     columns with names are ignored. Commas, semicolons, tabs or blanks separate the
     columns, the same in each line. Decimal commas are read unless commas separate.
-    Lines that begin with # are comments. Raises InputError with the line of whatever is
+    Quotes around a name or a number, and rows without content, do not matter. Lines
+    that begin with # are comments. Raises InputError with the line of whatever is
     not such a table.
     """
     lines = _content(text)
@@ -66,12 +68,14 @@ def _content(text: str) -> dict[int, str]:
     lines = {}
     for number, line in enumerate(text.splitlines(), start=1):
         content = line.strip(" ")
+        if not content.strip(',;\t" '):  # as spreadsheets end a table
+            continue
         if not content.startswith("#"):
             lines[number] = content
-        elif {"x", "y", "mass"} & {*_WORD.findall(content.lower())}:
+        elif {"x", "y", "mass", "masses"} & {*_WORD.findall(content.lower())}:
             fault = f"line {number} may name columns behind #: remove the # or the line"
             raise _refusal(fault, content)
-    return {number: line for number, line in lines.items() if line.strip()}
+    return lines
 
 
 def _separator(line: str) -> str | None:
@@ -89,7 +93,10 @@ def _separator(line: str) -> str | None:
 def _cells(line: str, separator: str | None) -> list[str]:
     if separator != ",":
         line = _DECIMAL_COMMA.sub(".", line)
-    return [cell.strip() for cell in line.split(separator)]
+    cells = line.split()
+    if separator:
+        cells = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+    return [cell.strip(' "') for cell in cells]
 
 
 def _places(line: int, names: list[str]) -> dict[str, int]:

@@ -11,6 +11,7 @@ import platform
 import re
 import shutil
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
 from datetime import datetime, timezone
 from functools import lru_cache
 from importlib.metadata import version
@@ -260,24 +261,16 @@ def write_lattice(
     turned, lifted or loaded, which `lattice.file` reads back bit for bit; `impedance`
     (k, 2) [M c/R] of the points of a matched boundary.
     """
-    names = [
-        "positions",
-        "bonds",
-        "rest_lengths",
-        "masses",
-        "disk_points",
-        "disk_surface",
-        "triangles",
-        "origin",
-    ]
-    if len(lattice.wall_surface):
-        names += ["wall_surface", "wall_boundary"]
-    if lattice.stiffness is not None:
-        names += ["stiffness"]
-    arrays = {name: getattr(lattice, name) for name in names}
-    if impedance is not None and len(impedance):
-        arrays["wall_impedance"] = impedance
-    write_arrays(path, velocities=velocities, unloaded=unloaded, **arrays)
+    arrays = {one.name: getattr(lattice, one.name) for one in fields(lattice)}
+    del arrays["notes"]
+    arrays |= {"velocities": velocities, "unloaded": unloaded}
+    arrays["wall_impedance"] = impedance
+    present = {
+        name: array
+        for name, array in arrays.items()
+        if array is not None and np.size(array)
+    }
+    write_arrays(path, **present)
 
 
 @lru_cache(maxsize=1)

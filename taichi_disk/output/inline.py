@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from base64 import b64encode
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -42,6 +43,15 @@ class Plot(Figure):
         return buffer.getvalue()
 
 
+def registered(figure: Any) -> Any:
+    """Give a figure to pyplot, if a script has imported it, for `plt.show()` and
+    `plt.savefig()`. Notebooks show the figure itself."""
+    pyplot = sys.modules.get("matplotlib.pyplot")
+    if pyplot and not {"ipykernel", "marimo"} & sys.modules.keys():
+        pyplot.figure(FigureClass=lambda **_: figure)
+    return figure
+
+
 @dataclass(frozen=True)
 class Film:
     """A film or picture with the bytes of its file, so that a notebook keeps it when it
@@ -78,7 +88,12 @@ def dataframe(data: Any, otherwise: str) -> DataFrame:
     return DataFrame(data)
 
 
-def card(title: str, rows: Iterable[tuple[str, ...]], figure: Plot | None) -> str:
+def card(
+    title: str,
+    rows: Iterable[tuple[str, ...]],
+    figure: Plot | None,
+    warnings: Iterable[str],
+) -> str:
     body = "".join(map(_table_row, rows))
     table = f"<div><b>{escape(title)}</b><table {_LEFT}>{body}</table></div>"
     image = ""
@@ -89,7 +104,9 @@ def card(title: str, rows: Iterable[tuple[str, ...]], figure: Plot | None) -> st
             f'<img style="width: {CARD_WIDTH:g}px; max-width: 100%"'
             f' src="{_inline(data, "png")}">'
         )
-    return f'<div style="display: flex; flex-wrap: wrap; gap: 2em">{table}{image}</div>'
+    below = "".join(f"<p>warning: {escape(text)}</p>" for text in warnings)
+    style = "display: flex; flex-wrap: wrap; gap: 2em"
+    return f'<div style="{style}">{table}{image}</div>{below}'
 
 
 def _table_row(cells: Iterable[str]) -> str:

@@ -121,13 +121,16 @@ def curves(scenario: Scenario, columns: Columns) -> list[TimeCurve]:
         if not column.label or name not in columns:
             continue
         values = columns[name]
+        label = column.label
+        if name == "translation" and not scenario.is_thrown:
+            label = "motion"
         if name == "load":
             if scenario.static:
                 continue
             values = values - values[0]
         if np.abs(values).max() > VISIBLE_ENERGY * largest:
             style = STYLES.get(name, "-")
-            found.append(TimeCurve(2, values, column.label, column.colour, style))
+            found.append(TimeCurve(2, values, label, column.colour, style))
     return found
 
 

@@ -2,10 +2,11 @@
 
 By default Taichi 1.7.4 splits local vectors into scalars and leaves it to LLVM 15 to
 find vectors again, which finds at best pairs on processors that it does not know (Zen
-4, Zen 5, ...). `runtime.start` keeps vectors whole, in registers as wide as the
-processor has. Taichi then fails in two cases. It cannot address an element of a vector
-field, so fields of vectors are pairs of scalar fields, adjacent in memory. And LLVM
-aborts at `a -= b` and `-a` of whole local vectors, so write a = a - b and -1.0 * a.
+4, Zen 5, ...). `internals.own_settings` keeps vectors whole, in registers as wide as
+the processor has. Taichi then fails in two cases. It cannot address an element of a
+vector field, so fields of vectors are pairs of scalar fields, adjacent in memory. And
+LLVM aborts at `a -= b` and `-a` of whole local vectors, so write a = a - b and
+-1.0 * a.
 """
 
 from collections.abc import Callable, Sequence

@@ -8,16 +8,19 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from functools import partial
+from math import inf
 from pathlib import Path
 from queue import SimpleQueue
+from threading import Thread
+from time import monotonic
 from typing import Any
 
 from taichi_disk.engine import environment
 from taichi_disk.machine import can_start_python
-from taichi_disk.signals import ignored_by_children
+from taichi_disk.signals import POLL_INTERVAL, ignored_by_children, raise_if_interrupted
 
 REAPING_TIME = 2.0  # [s] after which an ended process has an exit status
 WORKER = Path(__file__).with_name("worker.py")
@@ -89,11 +92,33 @@ class Pool(ThreadPoolExecutor):
 
 def _carried_out(call: Callable[[], Any]) -> Future[Any]:
     future: Future[Any] = Future()
+    _fulfil(future, call)
+    return future
+
+
+def _fulfil(future: Future[Any], call: Callable[[], Any]) -> None:
     try:
         future.set_result(call())
     except Exception as error:
         future.set_exception(error)
-    return future
+
+
+def awaited(call: Callable[[], Any], limit: float = inf) -> Any:
+    """Return what `call` returns in another thread, and serve signals meanwhile. Raises
+    TimeoutError after `limit` [s]; nobody waits for the thread then."""
+    future: Future[Any] = Future()
+    Thread(target=_fulfil, args=(future, call), daemon=True).start()
+    return result_of(future, limit)
+
+
+def result_of(future: Future[Any], limit: float = inf) -> Any:
+    """Return the result of a future, and serve signals meanwhile. Raises TimeoutError
+    after `limit` [s]."""
+    until = monotonic() + limit
+    while not future.done() and monotonic() < until:
+        raise_if_interrupted()
+        wait([future], POLL_INTERVAL)
+    return future.result(0.0)
 
 
 def _end(process: subprocess.Popen[bytes]) -> str:

@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import NOTICES, InputError
-from taichi_disk.output.artist import Artist
 from taichi_disk.output.files import (
     atomic_write,
     check_pictures,
     holds_working_directory,
     origin,
 )
+from taichi_disk.output.panel import PanelScene
 from taichi_disk.progress import Progress
 from taichi_disk.render import require_film
+from taichi_disk.render.artist import Artist
 from taichi_disk.render.letters import Letters, lacking
 from taichi_disk.render.moments import (
+    EASE,
     WHOLE,
     Caption,
     Run,
@@ -29,15 +30,15 @@ from taichi_disk.render.moments import (
     captions,
     check_runs,
     cues,
+    ringing,
     still_cue,
     titles,
 )
 from taichi_disk.render.painter import Painter
-from taichi_disk.render.panel import Panel, panel_scene
+from taichi_disk.render.panel import panel_scene
 from taichi_disk.render.pictures import Disk, Pictures, disk_width
 from taichi_disk.render.recording import Flight, Recording, Scales
 from taichi_disk.render.video import GIF_FPS
-from taichi_disk.render.video import video as encoded
 from taichi_disk.render.words import Title, fitting_letters
 from taichi_disk.signals import raise_if_interrupted
 
@@ -91,7 +92,7 @@ def draw_film(
             replaces an older one.
         span: filmed part of the runs.
         labels: titles of compared runs; by default the keys that differ.
-        artist: draws the curves.
+        artist: finishes the pictures and encodes them.
 
     Raises InputError for an invalid suffix, folder or span, or for runs that cannot be
     compared; TaichiDiskError if this machine cannot make films; SimulationError if the
@@ -99,7 +100,7 @@ def draw_film(
     """
     check_target(path)
     check_runs(runs, labels)
-    require_film()
+    require_film(artist)
     size, fps = video.size_and_rate(path.suffix[1:])
     metadata = film_origin(runs, video)
     if path.suffix == ".gif":
@@ -108,35 +109,40 @@ def draw_film(
         if video.draw == "both" and finest > _GIF_POINTS:
             video = replace(video, draw="field")
     flights = [Flight.of(run, video.flight) for run in runs]
+    stronger = [_ringing(run, video) for run in runs]
     if path.suffix == ".png":
         shots = [still_cue(runs[0], span)]
         video = replace(video, supersample=2.0)
     else:
         frames = round(fps * video.seconds)
-        shots = cues(runs, common_span(flights), frames, fps, span)
-    words = [captions(run, shots) for run in runs]
+        rings = max(stronger) > 1.0
+        shots = cues(runs, common_span(flights), frames, fps, span, rings)
+    words = [
+        captions(run, shots, factor, EASE * fps)
+        for run, factor in zip(runs, stronger, strict=True)
+    ]
     letters = fitting_letters(
-        Letters(size, video.text, video.theme), words, disk_width(size, len(runs))
+        Letters(size, video.text, video.theme, video.words == "few"),
+        words,
+        disk_width(size, len(runs)),
     )
     names = titles(runs, labels)
     _note_lacking_letters(names)
     panel = None
     has_room = size >= max(_MIN_PANEL_SIZE, _MIN_PANEL_LINES * letters.text.size)
     if video.panel and len(runs) == 1 and has_room:
-        scene = panel_scene(runs[0], letters, video.theme)
-        panel = Panel(artist or Artist(), scene)
+        panel = panel_scene(runs[0], letters, video.theme)
     progress("render", 0, len(shots))
+    artist = artist or Artist()
 
     def write(new: Path) -> None:
         times = [cue.t for cue in shots]
         recordings = [Recording(one, times, [video.colour]) for one in flights]
         pictures = _pictures(recordings, words, video, letters, names, panel)
-        with (
-            closing(pictures),
-            encoded(new, path.suffix, pictures.size, fps, metadata) as append,
-        ):
-            for k, finish in enumerate(_finished(pictures, recordings, words)):
-                append(finish)
+        options = pictures.finisher, new, path.suffix, fps, metadata
+        with closing(pictures), artist.employ(*options) as finish:
+            for k, call in enumerate(_drawn(pictures, recordings, words)):
+                finish(*call)
                 progress("render", k + 1, len(shots))
 
     atomic_write(path, write)
@@ -169,6 +175,12 @@ def common_span(flights: Sequence[Flight]) -> tuple[float, float]:
     return start, max(shortest_flight, last_run)
 
 
+def _ringing(run: Run, video: VideoSection) -> float:
+    if video.ringing == "none":
+        return 1.0
+    return ringing(run)
+
+
 def film_origin(runs: Sequence[Run], video: VideoSection) -> str:
     return origin(*(replace(run.scenario.stored_scene, video=video) for run in runs))
 
@@ -179,7 +191,7 @@ def _pictures(
     video: VideoSection,
     letters: Letters,
     names: Sequence[tuple[str, ...]],
-    panel: Panel | None,
+    panel: PanelScene | None,
 ) -> Pictures:
     scales = Scales.of(recordings, video.magnify)
     enlarged = 1.0
@@ -189,12 +201,14 @@ def _pictures(
     for one, lines, each in zip(recordings, names, words, strict=True):
         painter = painter_of(one, video, scales)
         title = Title(lines[0], enlarged=enlarged)
-        if video.words == "all":
+        if not letters.are_few:
             parameters = "    ".join(lines[1:]).split("    ")
             title = Title(lines[0], parameters, painter.remarks, enlarged)
         disks.append(Disk(painter, title, each, one.outer_positions(scales.magnify)))
     xmin, xmax, ymin, ymax = scales.view
-    if letters.footer and not disks[0].painter.has_elastic_wall:
+    if disks[0].painter.has_elastic_wall:
+        ymin *= 0.5  # the wall's upper half
+    elif letters.footer:
         ymin = max(one.edge for one in recordings)  # the wall's body carries the scales
     view = xmin, xmax, ymin, ymax
     return Pictures(disks, letters, view, video.supersample, panel)
@@ -219,21 +233,21 @@ def painter_of(recording: Recording, video: VideoSection, scales: Scales) -> Pai
     )
 
 
-def _finished(
+def _drawn(
     pictures: Pictures,
     recordings: Sequence[Recording],
     words: Sequence[Sequence[Caption]],
-) -> Iterator[Callable[[], Any]]:
-    """Draw one picture after the other, and yield functions that finish them, for
-    another thread."""
+) -> Iterator[tuple[Any, ...]]:
+    """Draw one picture after the other, and yield the calls of a `Finisher` that append
+    it: the name of its method, and the arguments."""
     states = zip(*(one.states() for one in recordings), strict=True)
     before: Sequence[Caption] = ()
     for now in zip(*words, strict=True):
         raise_if_interrupted()
         if not before or now[0].t != before[0].t:
-            drawn = pictures.draw(next(states))
+            state = next(states)
         if now == before:
-            yield pictures.again
+            yield ("repeat",)
         else:
-            yield partial(pictures.finish, drawn, now)
+            yield "write", pictures.draw(state, now), pictures.lines(now), now[0].t
         before = now

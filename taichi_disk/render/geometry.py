@@ -10,6 +10,7 @@ GGUI has no antialiasing. Outlines fade to the adjacent colours over one pixel.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -28,6 +29,7 @@ Shape = tuple[Array, Array]
 # heights [decay lengths]; the haze is interpolated, within 2 %
 _FADES = np.array([0.0, 0.4, 1.0, 1.8, 3.0, 5.0])
 FLATTENING = 0.05  # flattening of the drawn disk at automatic magnification [R]
+MAX_MAGNIFICATION = 20.0  # automatic
 NOTHING: Shape = np.zeros((0, 2)), np.zeros((0, 3))
 
 
@@ -90,22 +92,33 @@ class Camera:
 # ---- displacements
 
 
-def placed(lattice: Lattice, x: Array, magnify: float) -> Array:
+def placed(
+    lattice: Lattice,
+    x: Array,
+    magnify: float,
+    edge: float = -math.inf,
+    ringing: float = 1.0,
+) -> Array:
     """Return where points at `x` (n, 2) are drawn [R] if displacements are magnified.
 
     Displacements are taken relative to the initial lattice, rotated like the disk, with
-    its lowest point at the same height. Points near a contact may be drawn inside the
-    wall, which hides them.
+    its lowest point at the same height; those of a `ringing`, which is shown so many
+    times stronger, with its centre there. No point is drawn below the lowest one of `x`
+    or the `edge` of a rigid wall [R], so that the wall stays impenetrable.
     """
     out = np.array(x, order="C")
-    if magnify == 1.0:
+    if magnify * ringing == 1.0:
         return out
     now = out[: lattice.disk_points]
+    floor = min(now[:, 1].min(), edge)
     disk = _unloaded(lattice, x)
     across = now[:, 0].mean() - disk[:, 0].mean()
     up = now[:, 1].min() - disk[:, 1].min()
     disk += [across, up]
     now[:] = disk + magnify * (now - disk)
+    disk += (now - disk).mean(axis=0)
+    now[:] = disk + ringing * (now - disk)
+    now[:, 1] = np.maximum(now[:, 1], floor)
     return out
 
 
@@ -115,13 +128,24 @@ def _unloaded(lattice: Lattice, x: Array) -> Array:
     return turned(rest, roll_angle(rest, x[: lattice.disk_points]))
 
 
-def flattening(lattice: Lattice, x: Array) -> float:
-    """Return how much the lowest point of a disk at `x` (n, 2) has approached its
-    centre [R]."""
-    # Return 1 on an elastic wall, because magnified displacements would separate disk
-    # and dent.
-    if len(lattice.wall_surface):
+def flattening(lattice: Lattice, x: Array, flying: Array) -> float:
+    """Return how much a contact has brought the lowest point of a disk at `x` (n, 2)
+    closer to its centre [R]; `flying` (n, 2): the disk just before, which a spin may
+    have stretched.
+
+    Return 1 if displacements must not be magnified: with an elastic wall, because they
+    would separate disk and dent, and if the spin stretches more than the contact
+    flattens.
+    """
+    shortening = _shortening(lattice, x)
+    if len(lattice.wall_surface) or shortening < 0.0:
         return 1.0
+    return shortening + max(-_shortening(lattice, flying), 0.0)
+
+
+def _shortening(lattice: Lattice, x: Array) -> float:
+    """Return how much closer the lowest point of a disk at `x` is to its centre than in
+    the unloaded disk [R]."""
     unloaded = _unloaded(lattice, x)[:, 1]
     now = x[: lattice.disk_points, 1]
     return float(unloaded.mean() - unloaded.min() - (now.mean() - now.min()))
@@ -129,10 +153,11 @@ def flattening(lattice: Lattice, x: Array) -> float:
 
 def magnification(wanted: float | str, flattest: float) -> float:
     """Return the factor for displacements; "auto" makes the flattening `flattest` [R]
-    look like FLATTENING."""
+    look like FLATTENING, with a factor from 1 to MAX_MAGNIFICATION."""
     if wanted != "auto":
         return float(wanted)
-    return max(1.0, round_near(FLATTENING / max(flattest, 1e-9)))
+    factor = FLATTENING / max(flattest, FLATTENING / MAX_MAGNIFICATION)
+    return max(1.0, round_near(factor))
 
 
 # ---- shapes

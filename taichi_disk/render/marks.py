@@ -72,15 +72,21 @@ def _grown(corners: Array, distance: float) -> Array:
     return corners + distance * (normal + before) / (1.0 + cosine)
 
 
-def stamp(image: Any, mark: Mark, ground: Ink) -> None:
-    """Draw a mark into Pillow's `image`."""
+def stamp(image: Any, mark: Mark, ground: Ink, columns: slice) -> None:
+    """Draw a mark into `columns` of Pillow's `image`."""
     outer = _grown(mark.corners, mark.rim)
     first = np.floor(outer.min(axis=(0, 1))).astype(int)
     last = np.ceil(outer.max(axis=(0, 1))).astype(int)
-    width, height = (_SAMPLES * (last - first)).tolist()
+    left, top = first.tolist()
+    width, height = (last - first).tolist()
+    start = max(left, columns.start)
+    end = min(left + width, columns.stop)
+    if start >= end:
+        return
     for corners, ink in ((outer, ground), (mark.corners, mark.ink)):
-        mask = Image.new("L", (width, height))
+        mask = Image.new("L", (_SAMPLES * width, _SAMPLES * height))
         draw = ImageDraw.Draw(mask)
         for polygon in _SAMPLES * (corners - first):
             draw.polygon(polygon.ravel().tolist(), fill=255)
-        image.paste(ink, tuple(first.tolist()), mask.reduce(_SAMPLES))
+        part = mask.reduce(_SAMPLES).crop((start - left, 0, end - left, height))
+        image.paste(ink, (start, top), part)

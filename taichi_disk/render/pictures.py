@@ -1,26 +1,32 @@
-"""Draw states, words and curves into finished pictures, off screen."""
+"""Arrange disks and words in pictures, and draw the disks, off screen."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import cycle
 
 import numpy as np
-from numpy.typing import NDArray
-from PIL import Image, ImageDraw
 
 from taichi_disk.computation.driver import State
 from taichi_disk.lattice import Array
+from taichi_disk.output.panel import PanelScene
+from taichi_disk.render.artist import WAITING, shared_array
+from taichi_disk.render.finisher import Drawn, Finisher, Placed, canvas
 from taichi_disk.render.geometry import Camera, View
 from taichi_disk.render.letters import Box, Letters
-from taichi_disk.render.marks import Mark, stamp
 from taichi_disk.render.moments import Caption
 from taichi_disk.render.offscreen import open_window
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import THEMES, ink
-from taichi_disk.render.panel import Panel
-from taichi_disk.render.video import Picture
-from taichi_disk.render.words import Legend, Scales, Title, caption_lines, legend
+from taichi_disk.render.words import (
+    Legend,
+    Scales,
+    Title,
+    caption_lines,
+    legend,
+    remark_lines,
+)
 
 _MARGIN = 8.0  # margin beside the view in a picture of 720 pixels [px]
 # width of the strip drawn around the view, which outlines and the wall's edge need [px]
@@ -28,10 +34,6 @@ _OVERDRAW = 3.0
 _DISK_WIDTH = 8 / 9  # over the height, of one of several disks: two are 16 : 9
 _MOST_ABOVE = 0.34  # largest height of a band above the disk over the picture's
 _CLEAR = 4.0  # least distance of the disk to words in a picture of 720 pixels [px]
-
-
-# GGUI's image [x, y upwards, colour], and the marks above it
-Drawn = tuple[NDArray[np.float32], list[Mark]]
 
 
 @dataclass(frozen=True)
@@ -116,11 +118,14 @@ def _drawn(camera: Camera, view: View) -> tuple[slice, slice]:
 
 
 class Pictures:
-    """Pictures of one disk with curves at the right, or of several disks.
+    """Pictures of one disk with curves at the right, or of several disks, without what
+    a `Finisher` adds.
 
-    An instance holds the process's only window until it is closed. Call `draw` in the
-    thread that made the instance. Call `finish` and `again` in another thread; they
-    always return the same array. `size`: width and height of a picture [px].
+    An instance holds the process's only window until it is closed, and is used by the
+    thread that made it.
+
+    Attributes:
+        finisher: completes the pictures.
     """
 
     def __init__(
@@ -129,7 +134,7 @@ class Pictures:
         letters: Letters,
         view: View,
         supersample: float = 1.0,
-        panel: Panel | None = None,
+        panel: PanelScene | None = None,
     ) -> None:
         """
         Args:
@@ -139,104 +144,77 @@ class Pictures:
         """
         self._painters = [one.painter for one in disks]
         self._letters = letters
-        self._panel = panel
         height = letters.height
         width = disk_width(height, len(disks))
         camera, legends = arranged(disks, width, letters, view)
-        self._width = width
-        self._disks = len(disks) * width
-        self.size = self._disks, height
-        if panel:
-            self.size = self._disks + panel.width, height
-        self._scales = Scales(self._painters[0], self._disks, letters, camera.scale)
+        all_disks = len(disks) * width
+        self._scales = Scales(self._painters[0], all_disks, letters, camera.scale)
         self._supersample = supersample
-        self._rows, self._columns = _drawn(camera, view)
+        rows, columns = _drawn(camera, view)
         self._whole = camera
-        self._camera = camera.cropped(self._rows, self._columns, supersample)
-        self._ground = ink(THEMES[self._painters[0].theme].ground)
-        self._picture = np.full((height, self.size[0], 4), 255, dtype=np.uint8)
-        self._picture[..., :3] = self._ground
-        # The same memory as pixels of four bytes, and as Pillow's image.
-        self._pixels = self._picture.view(np.uint32)[..., 0]
-        self._image = Image.frombuffer(
-            "RGBA", self.size, self._picture, "raw", "RGBA", 0, 1
-        )
-        self._image.readonly = 0
-        self._draw = ImageDraw.Draw(self._image)
+        self._camera = camera.cropped(rows, columns, supersample)
+        whole_width = all_disks
+        if panel:
+            whole_width += panel.size[0]
+        ground = ink(THEMES[self._painters[0].theme].ground)
+        still = np.full((height, whole_width, 4), 255, dtype=np.uint8)
+        still[..., :3] = ground
+        image, draw = canvas(still)
         for k, one in enumerate(legends):
             for line in one.lines:
-                line.draw(self._draw, k * width, 0.0)
-        self._words = np.nonzero(self._pixels != self._pixels[0, 0])
-        self._scales.draw(self._picture, self._image, self._draw)
-        self._still = self._pixels.copy()
+                line.draw(draw, k * width, 0.0)
+        words = np.nonzero((still[..., :3] != ground).any(axis=2))
+        self._scales.draw(still, image, draw)
         drawn = self._camera.width, self._camera.height
-        self._bytes = np.empty((*drawn, 4), dtype=np.uint8)
+        # as many as pictures that wait, one that is finished, and one that is drawn
+        count = (WAITING + 2) * len(disks)
+        self._images = shared_array((count, *drawn, 4))
+        self._places = cycle(range(count))
+        self.finisher = Finisher(
+            images=self._images,
+            still=still,
+            words=words,
+            width=width,
+            disks=all_disks,
+            rows=rows,
+            columns=columns,
+            supersample=supersample,
+            ground=ground,
+            panel=panel,
+        )
         self._window = open_window(drawn)
 
-    def draw(self, states: Sequence[State]) -> list[Drawn]:
-        """Return GGUI's image of each disk, and the marks above it."""
+    def draw(self, states: Sequence[State], captions: Sequence[Caption]) -> list[Drawn]:
+        """Draw each disk, its ringing as strong as its caption says."""
         drawn = []
         canvas = self._window.get_canvas()
         is_soft = self._window.is_soft
         unit = self._letters.unit * self._supersample
-        for painter, (_, x, v) in zip(self._painters, states, strict=True):
+        disks = zip(self._painters, states, captions, strict=True)
+        for painter, (_, x, v), caption in disks:
+            painter.ringing = caption.ringing
             placed = painter.placed(x)
             painter.paint(canvas, self._camera, x, v, placed, unit, is_soft)
             image = self._window.get_image_buffer_as_numpy()
+            place = next(self._places)
+            # GGUI made k/255 of each byte k, so 255.5 times this lies from k to k + 1.
+            np.multiply(image, 255.5, out=self._images[place], casting="unsafe")
             marks = painter.marks(self._whole, x, v, placed, self._letters.unit)
-            drawn.append((image, marks))
+            drawn.append((place, marks))
         return drawn
 
-    def finish(self, drawn: Sequence[Drawn], captions: Sequence[Caption]) -> Picture:
-        """Return the picture (height, width, 4) with what was drawn, the captions of
-        the disks, and the curves up to their time."""
-        width = self._width
-        # `_place` covers the rows between these.
-        for rows in (slice(self._rows.start), slice(self._rows.stop, None)):
-            self._pixels[rows, : self._disks] = self._still[rows, : self._disks]
-        for k, (image, marks) in enumerate(drawn):
-            self._place(self._pixels[:, k * width : (k + 1) * width], image)
-            for mark in marks:
-                corners = mark.corners + [k * width, 0.0]
-                stamp(self._image, mark._replace(corners=corners), self._ground)
-        self._pixels[self._words] = self._still[self._words]
+    def lines(self, captions: Sequence[Caption]) -> list[Placed]:
+        """Return the changing words of a picture with the `captions` of its disks."""
+        width = self.finisher.width
+        lines: list[Placed] = []
         for k, caption in enumerate(captions):
-            for line in caption_lines(self._letters, caption, width):
-                line.draw(self._draw, k * width, 0.0)
+            words = caption_lines(self._letters, caption, width)
+            words += remark_lines(self._letters, caption, width)
+            lines += [(line, k * width, 0.0) for line in words]
+        below = self._letters.height - self._letters.footer
         for line in self._scales.pace_lines(captions[0].pace):
-            line.draw(self._draw, 0.0, self._letters.height - self._letters.footer)
-        if self._panel:
-            self._panel.draw(self._picture[:, self._disks :], captions[0].t)
-        return self._picture
-
-    def again(self) -> Picture:
-        """Return the last picture."""
-        return self._picture
-
-    def _place(self, part: NDArray[np.uint32], image: NDArray[np.float32]) -> None:
-        """Place GGUI's image into the picture of a disk. Columns beside it show only
-        the background and a rigid wall, so they repeat the outermost ones."""
-        # GGUI made k/255 of each byte k, so 255.5 times this lies from k to k + 1. New
-        # memory for each picture would take longer than the arithmetic.
-        np.multiply(image, 255.5, out=self._bytes, casting="unsafe")
-        # four bytes at a time, which is several times faster
-        pixels = shrunk(self._bytes, self._supersample).view(np.uint32)[..., 0]
-        rows = part[self._rows]
-        rows[:, self._columns] = pixels.T[::-1]
-        rows[:, : self._columns.start] = rows[:, self._columns.start, None]
-        rows[:, self._columns.stop :] = rows[:, self._columns.stop - 1, None]
+            lines.append((line, 0.0, below))
+        return lines
 
     def close(self) -> None:
         self._window.destroy()
-
-
-def shrunk(pixels: NDArray[np.uint8], samples: float) -> NDArray[np.uint8]:
-    """Return an image (k, l, 4) that is `samples` times smaller, by averages over the
-    area of a pixel."""
-    if samples == 1.0:
-        return pixels
-    width, height, _ = pixels.shape
-    image = Image.frombuffer("RGBX", (height, width), pixels, "raw", "RGBX", 0, 1)
-    # twice as large first, because `reduce` takes whole numbers
-    twice = image.resize((2 * height, 2 * width), Image.Resampling.NEAREST)
-    return np.asarray(twice.reduce(round(2.0 * samples)))

@@ -128,13 +128,15 @@ class Recording:
         self.run = run
         self.times = np.unique(times)
         peak = greatest_compression(run.series)
-        scale_times = self._scale_times(peak)
-        all_times = np.union1d(scale_times, self.times)
+        start = min(contact_of(run)[0], peak)
+        scale_times = self._scale_times(start, peak)
+        all_times = np.unique([start, *scale_times, *self.times])
         replay = zip(all_times, flight.frames(all_times), strict=True)
         early = list(islice(replay, int((all_times <= scale_times[-1]).sum())))
         self._replay = chain(early, replay)
         states = {t: state for t, state in early if t in scale_times}
         compressed = states[peak].positions
+        flying = next(state.positions for t, state in early if t == start)
         until_peak = [state for t, state in states.items() if t <= peak]
         self.limits = self._limits(until_peak, quantities)
         _, forces = wall.contact_forces(lattice, compressed)
@@ -145,18 +147,19 @@ class Recording:
         if scenario.is_thrown:
             self.full_speed = float(np.hypot(*lattice.mean(scenario.velocities)))
         self.edge = edge_height(wall, self.largest_force)
-        self.flattest = flattening(lattice, compressed)
+        self.flattest = flattening(lattice, compressed, flying)
         self._outer = [state.positions for state in states.values()]
         end = self._end_positions()
         if len(self.times) > 1 and end[:, 1].max() < _MAX_HEIGHT:
             self._outer.append(end)
 
-    def _scale_times(self, peak: float) -> Array:
+    def _scale_times(self, start: float, peak: float) -> Array:
+        """Return the times from the `start` of the contact to its `peak`, if there is
+        more than one picture, and that of the first picture."""
         first = self.times[0]
         if len(self.times) == 1:
             return np.union1d(first, peak)
-        start, _ = contact_of(self.run)
-        contact = np.linspace(min(start, peak), peak, _SCALE_TIMES)
+        contact = np.linspace(start, peak, _SCALE_TIMES)
         return np.union1d(first, contact)
 
     def _end_positions(self) -> Array:
@@ -186,7 +189,7 @@ class Recording:
         farthest."""
         lattice = self.run.scenario.lattice
         n = lattice.disk_points
-        return [placed(lattice, x, magnify)[:n] for x in self._outer]
+        return [placed(lattice, x, magnify, self.edge)[:n] for x in self._outer]
 
     def view(self, magnify: float) -> View:
         """Return the bounds [R] of the scene and of the disk as it is drawn."""

@@ -1,14 +1,10 @@
-"""Encode MP4 (H.264) and WebM (VP9) with PyAV, GIF and PNG with Pillow, in a separate
-thread."""
+"""Encode MP4 (H.264) and WebM (VP9) with PyAV, GIF and PNG with Pillow."""
 
 from __future__ import annotations
 
-import sys
 import zlib
-from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from fractions import Fraction
 from itertools import count
 from pathlib import Path
@@ -18,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Picture = NDArray[np.uint8]
-Append = Callable[[Picture], object]
+Append = Callable[[Picture, bool], object]
 
 _CODECS = {".mp4": "libx264", ".webm": "libvpx-vp9"}
 _OPTIONS = {
@@ -43,46 +39,24 @@ _KEY_INTERVAL = 1.0  # time from one key picture to the next, for steps back [s]
 # primaries, transfer and matrix in H.273; without tags players guess the colours
 _BT709 = 1
 GIF_FPS = 50  # browsers show each picture of faster films for 100 ms
-_WAITING = 3  # pictures that may wait for the encoder
 _GIF_SAMPLES = 12  # approximate number of pictures that determine the palette
 _GIF_EXACT = 16  # number of frequent colours that are kept exactly
 
 
-@contextmanager
 def video(
     path: Path, form: str, size: tuple[int, int], fps: int, origin: str
-) -> Iterator[Callable[[Callable[[], Picture]], None]]:
+) -> AbstractContextManager[Append]:
     """Write a film as ".mp4", ".webm" or ".gif", one picture as ".png", or a folder of
     pictures as "".
 
     `size`: width and height, even numbers [px]; `origin`: text for the metadata of the
-    file. Yields `write(picture)`, which appends the array (height, width, 4) that
-    `picture()` returns in another thread, and does not keep it. Equal pictures give
-    equal bytes. Raises OSError, at a later picture or at the end, if the file cannot be
-    written.
+    file. Use as `with video(...) as append`. `append(picture, is_new)` appends an array
+    (height, width, 4), and does not keep it; an old picture is the one before. Equal
+    pictures give equal bytes. Raises OSError, at a later picture or at the end, if the
+    file cannot be written.
     """
     encoder = {"": _folder, ".png": _still, ".gif": _gif}.get(form, _stream)
-    # Drawing holds Python's lock for milliseconds at a time; by default the encoder
-    # would wait 5 ms longer.
-    switch_interval = sys.getswitchinterval()
-    waiting = deque[Future[object]]()
-    sys.setswitchinterval(5e-4)
-    try:
-        with (
-            encoder(path, size, fps, origin) as append,
-            ThreadPoolExecutor(1) as thread,
-        ):
-
-            def write(picture: Callable[[], Picture]) -> None:
-                if len(waiting) == _WAITING:
-                    waiting.popleft().result()
-                waiting.append(thread.submit(lambda: append(picture())))
-
-            yield write
-            for one in waiting:
-                one.result()
-    finally:
-        sys.setswitchinterval(switch_interval)
+    return encoder(path, size, fps, origin)
 
 
 @contextmanager
@@ -108,8 +82,7 @@ def _stream(
         stream.pix_fmt = "yuv420p"
         context = stream.codec_context
         # The number of threads changes the bytes, so it must not depend on the machine.
-        # One thread is fastest, as long as it keeps up with the drawing, which keeps
-        # two cores busy.
+        # One thread is fastest, because the drawing keeps another core busy.
         context.thread_count = 1 + min(width, height) // 1080
         context.gop_size = max(round(_KEY_INTERVAL * fps), 1)
         context.flags |= av.codec.context.Flags.bitexact
@@ -119,16 +92,18 @@ def _stream(
         # Reuse one converter: creating it takes twice as long as converting a picture.
         converter: Any = av.video.reformatter.VideoReformatter()
         number = count()
+        frame: Any = None
 
-        def append(picture: Picture) -> None:
-            frame: Any = av.VideoFrame.from_numpy_buffer(picture, format="rgba")
-            frame = converter.reformat(
-                frame,
-                format="yuv420p",
-                dst_colorspace="ITU709",
-                dst_color_range="MPEG",
-                interpolation="POINT",
-            )
+        def append(picture: Picture, is_new: bool) -> None:
+            nonlocal frame
+            if is_new:
+                frame = converter.reformat(
+                    av.VideoFrame.from_numpy_buffer(picture, format="rgba"),
+                    format="yuv420p",
+                    dst_colorspace="ITU709",
+                    dst_color_range="MPEG",
+                    interpolation="POINT",
+                )
             frame.pts = next(number)
             frame.time_base = Fraction(1, fps)
             container.mux(stream.encode(frame))
@@ -148,7 +123,7 @@ def _gif(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[A
 
     packed: list[bytes] = []
 
-    def append(picture: Picture) -> None:
+    def append(picture: Picture, is_new: bool) -> None:
         packed.append(zlib.compress(picture[..., :3].tobytes(), 1))
 
     def unpacked(step: int = 1) -> Iterator[Any]:
@@ -190,7 +165,7 @@ def _palette(samples: Iterator[Any]) -> Any:
 def _still(
     path: Path, size: tuple[int, int], fps: int, origin: str
 ) -> Iterator[Append]:
-    yield lambda picture: _save(picture, path, origin, optimize=True)
+    yield lambda picture, is_new: _save(picture, path, origin, optimize=True)
 
 
 @contextmanager
@@ -199,7 +174,7 @@ def _folder(
 ) -> Iterator[Append]:
     path.mkdir()
     number = count(1)
-    yield lambda picture: _save(
+    yield lambda picture, is_new: _save(
         picture, path / f"{next(number):05d}.png", origin, compress_level=6
     )
 

@@ -21,14 +21,14 @@ Scene: TypeAlias = CompressionScene | ExponentialWallScene | AbsorbingWallScene
 SCENES: dict[str, type[DiskScene]] = {kind.scene: kind for kind in get_args(Scene)}
 
 
-def load_scene(source: Source, overrides: Sequence[str] = ()) -> Scene:
+def load_scene(source: Source, overrides: str | Sequence[str] = ()) -> Scene:
     """Read a scene and check it.
 
     Args:
         source: path of a YAML file, bare name of a shipped scene ("exponential_wall"),
             YAML text, or a mapping.
-        overrides: "section.key=value" each, with the value as in YAML; the last one for
-            a key applies.
+        overrides: "section.key=value", one or several, with the value as in YAML; the
+            last one for a key applies.
 
     Raises:
         InputError: lists all faults, each as file:line:column: key: what is wrong.
@@ -36,7 +36,7 @@ def load_scene(source: Source, overrides: Sequence[str] = ()) -> Scene:
     return _load(source, overrides, "scene")
 
 
-def load_sweep(source: Source, overrides: Sequence[str] = ()) -> Sweep:
+def load_sweep(source: Source, overrides: str | Sequence[str] = ()) -> Sweep:
     """Read a scene with a section `sweep:` and check all its scenes. Arguments and
     errors are those of `load_scene`.
 
@@ -46,11 +46,11 @@ def load_sweep(source: Source, overrides: Sequence[str] = ()) -> Sweep:
     return _load(source, overrides, "sweep")
 
 
-def load_any(source: Source, overrides: Sequence[str] = ()) -> Scene | Sweep:
+def load_any(source: Source, overrides: str | Sequence[str] = ()) -> Scene | Sweep:
     return _load(source, overrides, "any")
 
 
-def _load(source: Source, overrides: Sequence[str], want: str) -> Any:
+def _load(source: Source, overrides: str | Sequence[str], want: str) -> Any:
     tree = read_tree(source, overrides)
     has_sweep = "sweep" in tree.value
     if has_sweep and want == "scene":

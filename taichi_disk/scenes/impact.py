@@ -12,14 +12,21 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from taichi_disk.computation.contact import CONTACT_LEVEL, contact_interval
-from taichi_disk.computation.scenario import Array, Scenario, Words, signed, time_text
+from taichi_disk.computation.scenario import (
+    Array,
+    Scenario,
+    Words,
+    minus,
+    signed,
+    time_text,
+)
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Lattice, disk_of
 from taichi_disk.lattice.network import bending_compliance, network_stiffness
 from taichi_disk.scenes import oblique
 from taichi_disk.scenes.conflicts import Conflicts, gap_conflicts
 from taichi_disk.scenes.scene import DiskScene
-from taichi_disk.simulation.observables import Columns
+from taichi_disk.simulation.observables import Columns, split
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -46,6 +53,16 @@ BENDING_POTENTIAL = 1e-10
 # largest path per step, in decay lengths of the wall, at which a second run shows the
 # error
 RESOLVED = 0.49
+
+# what takes energy, by the columns of the losses
+TAKERS = {
+    "dissipated": "dashpots took",
+    "absorbed": "the wall's boundary took",
+    "sliding": "sliding took",
+    "friction": "friction took",
+}
+LEAST_SHARE = 5e-4  # of the energy that is worth a word
+STRAIGHT = 0.005  # fraction of the speed along the wall that is no motion to a side
 
 LABELS = {
     "restitution": ("restitution e", ""),
@@ -177,8 +194,12 @@ class ImpactScene(DiskScene):
     def view(self, lattice: Lattice, gap: float) -> tuple[float, float, float, float]:
         """Return (xmin, xmax, ymin, ymax) of the film [R]."""
         # about the path along the wall, there and back
-        along = 3.0 * gap * float(np.tan(self.impact.angle))
-        return min(along, 0.0) - 1.1, max(along, 0.0) + 1.1, -0.1, 2.0 + gap
+        contact = gap * float(np.tan(self.impact.angle))
+        path = [0.0, 3.0 * contact]
+        if self.wall.friction:  # by which a spin that rolls turns into motion
+            rolling = (2.0 * self.impact.along - self.impact.spin) / 3.0
+            path.append(contact + 1.2 * gap * rolling / self.impact.towards)
+        return min(path) - 1.1, max(path) + 1.1, -0.1, 2.0 + gap
 
     def _shape(self, body: Lattice, springs: Springs) -> Shape:
         disk = disk_of(body)
@@ -378,6 +399,48 @@ class ImpactScenario(Scenario):
             np.sqrt(columns["com_vy"][-1] ** 2 + 2.0 * max(columns["wall"][-1], 0.0))
         )
 
+    def conclusion(self, columns: Columns) -> str:
+        e = self._speed_after(columns) / self.speed_before
+        text = f"It comes back with {e:.3f} of its speed"
+        if self.scene.is_oblique:
+            text = self._oblique_conclusion(columns)
+        columns = split(columns, self.shape.inertia)
+        ringing = float(columns["vibration"][-1] + columns["elastic"][-1])
+        parts = [(ringing, "{} still rings")]
+        for name, words in TAKERS.items():
+            parts.append((float(columns[name][-1]), f"{words} {{}}"))
+        parts.sort(reverse=True)
+        energy = columns["kinetic"][0]
+        of_what = " of the energy"
+        texts = []
+        for part, words in parts[:2]:
+            if part >= LEAST_SHARE * energy:
+                texts.append(words.format(f"{_percent(part / energy)}{of_what}"))
+                of_what = ""
+        if texts:
+            text = f"{text}; {', '.join(texts)}"
+        return f"{text}."
+
+    def _oblique_conclusion(self, columns: Columns) -> str:
+        speed = self.scene.impact.velocity
+        before, after = columns["com_vx"][[0, -1]] / speed
+        way = "leaves"
+        if before * after > STRAIGHT**2:
+            way = "goes on"
+        elif before * after < -(STRAIGHT**2):
+            way = "comes back"
+        side = "to the right"
+        if abs(after) < STRAIGHT:
+            side = "straight up"
+        elif after < 0.0:
+            side = "to the left"
+        kept = np.hypot(after, self._speed_after(columns) / speed)
+        spin = columns["angular_momentum"][-1] / self.shape.inertia
+        text = f"It {way} {side} with {kept:.3f} of its speed"
+        if abs(spin) >= 0.005:
+            text += f" and a spin of {minus(spin)} c/R"
+        return text
+
     def motion(self, columns: Columns) -> Array:
         return columns["com_vy"] / self.velocity
 
@@ -394,7 +457,6 @@ class ImpactScenario(Scenario):
             marks=("e = {restitution:.3f}", "contact time {contact_time:.4g} R/c"),
             motion=motion,
             quality=("energy imbalance\n/ initial kinetic", "linear"),
-            end="the disk has left",
             truncation_remedy="a larger impact.gap ends it farther from the wall",
         )
 
@@ -417,7 +479,10 @@ class ImpactScenario(Scenario):
             words.append(f"turned by {impact.turn:g}")
         if self.own.velocities is not None:
             words.append("own velocities")
-        return scene.heading, "    ".join(words), scene.described(self.lattice)
+        heading = scene.heading
+        if impact.spin:
+            heading = "Impact with spin"
+        return heading, "    ".join(words), scene.described(self.lattice)
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
         time = time_text(row["t"])
@@ -428,3 +493,8 @@ class ImpactScenario(Scenario):
         up = signed(row["com_vy"] / speed)
         spin = row["angular_momentum"] / self.shape.inertia
         return time, f"{across}, {up} v", f"spin {signed(spin, 3)} c/R"
+
+
+def _percent(share: float) -> str:
+    digits = 0 if share >= 0.0995 else 1
+    return f"{100.0 * share:.{digits}f} %"

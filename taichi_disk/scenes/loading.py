@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.computation.diagnostics import inverted_triangles
+from taichi_disk.computation.diagnostics import inside_out, inverted_triangles
 from taichi_disk.computation.driver import State
 from taichi_disk.computation.outcome import Outcome, summary_of
 from taichi_disk.lattice import Array, Lattice
@@ -86,11 +86,12 @@ def quasistatic(scenario: Any, loads: int, progress: Progress) -> Outcome:
             *path.loaded(fractions[k]).forces(lattice, x).T
         ).max()
         columns["elastic"][k] = model.springs.energy(lattice, x)
+        columns["inverted"][k] = inverted_triangles(lattice, x)
         columns["wall"][k] = model.wall.energy(lattice, x)
     columns["load"] = fractions * model.load.force * columns["com_y"]
     columns["total"] = columns["elastic"] + columns["wall"] + columns["load"]
-    inverted = inverted_triangles(lattice, rest.positions)
-    summary = summary_of(scenario, columns, [], inverted) | {
+    warnings = [text for text in [inside_out(columns)] if text]
+    summary = summary_of(scenario, columns, warnings) | {
         "steps": rest.iterations,
         "integrator": "newton",
     }

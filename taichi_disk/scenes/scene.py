@@ -413,8 +413,8 @@ def _value(kind: str, path: Keys, value: Any, tree: Tree, kinds: Kinds) -> Any:
         if entry.value.rank:
             folder = ""
         return os.path.realpath(os.path.join(folder, os.path.expanduser(value)))
-    elif key.kind is float and not isinstance(value, str):
-        return float(value)
+    elif key.kind in (int, float) and not isinstance(value, str):
+        return key.kind(value)
     return value
 
 
@@ -441,6 +441,8 @@ def _unknown(kind: str, path: Keys, kinds: Kinds, tree: Tree) -> str:
         siblings = [*sections[place].schema()]
     # inside a section, a key of another section only if its name is exactly the same
     homes = [".".join(home) for home in kinds[kind].homes(name)]
+    if word in homes:
+        return f"no dotted key here: write {word.replace('.', ': {')}: ...}}"
     if homes:
         return f"unknown key; did you mean {either(homes)}?"
     hint = did_you_mean(word, siblings)

@@ -155,9 +155,21 @@ class Kernels(Stepping):
         rows[s, INDEX["depth"]] = 0.0
         if ti.static(self.contact):
             rows[s, INDEX["depth"]] = self.wall.depth(self.state)
+        rows[s, INDEX["inverted"]] = self.inverted()
         rows[s, INDEX["friction"]] = 0.0
         if ti.static(self.has_friction):
             rows[s, INDEX["friction"]] = sums[FRICTION]
+
+    @ti.func
+    def inverted(self):
+        """Return the number of triangles that are turned inside out."""
+        x = ti.static(self.state.x)
+        i, j, k = ti.static(self.state.corners)
+        count = 0
+        for t in range(self.state.triangles[None]):
+            corner = get(x, i[t])
+            count += (get(x, j[t]) - corner).cross(get(x, k[t]) - corner) < 0.0
+        return count
 
 
 @ti.data_oriented

@@ -70,6 +70,13 @@ COLUMNS = (
         written="never",
     ),
     Column(
+        "inverted",
+        "1",
+        "number of triangles that are turned inside out",
+        "motion",
+        written="nonzero",
+    ),
+    Column(
         "kinetic", "M c²", "kinetic energy of the disk and an elastic wall", "energy"
     ),
     Column("elastic", "M c²", "energy of the springs", "energy", "elastic", "#C23F00"),

@@ -7,7 +7,7 @@ from copy import deepcopy
 from functools import lru_cache
 from math import inf
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -55,54 +55,29 @@ CONTACT_ENERGY = 1e-3
 Dashpots = Factor | Diagonal | None  # matrix of implicit dashpots
 
 
-class Load(NamedTuple):
-    """What a simulation moves: a lattice with its laws, and what was written into the
-    fields at t = 0, so that `Simulation.write_again` can write it once more."""
-
-    lattice: Lattice
-    model: Model
-    dt: float
-    arrangement: Arrangement
-    written: Written
-
-
-class Simulation:
-    """Moves one lattice by (a copy of) a model's laws, from `velocities` (n, 2) [c] at
-    t = 0, in steps of `dt` [R/c].
+class Program:
+    """Compiled kernels and their fields, for all lattices with laws of the same kinds.
 
     Attributes:
-        step_number: number of steps made since t = 0.
-        first_row, now: (columns,) observables at t = 0, and after the last step.
-        generation: number of restarts at t = 0; if it changes, another user has
-            restarted the simulation.
-        subdomains: number of subdomains of the lattice, 1 unless it is large.
+        occupant: the simulation whose state is in the fields. Another one takes its
+            place whenever it moves; each goes on bitwise as if it were alone.
+        subdomains: number of subdomains of a lattice, 1 unless it is large.
     """
 
-    def __init__(
-        self,
-        lattice: Lattice,
-        model: Model,
-        integrator: Integrator,
-        velocities: Array,
-        dt: float,
-    ) -> None:
-        self.integrator = integrator
+    def __init__(self, first: Simulation) -> None:
+        model = first.model
+        self.integrator = first.integrator
         self.model = deepcopy(model)
-        self.generation = 0
-        self._program = engine.program()
-        self.features = compiled_for(lattice, model, integrator)
-        self.model.springs.prepare_for(lattice)
-        arrangement = arrange(lattice.bonds, len(lattice.positions))
-        factor = self._factor(lattice, model, dt)
-        self.subdomains = arrangement.subdomains
-        self._capacity = Capacity(
-            *map(_doubled, _needed(lattice, arrangement, factor), MIN_CAPACITY)
-        )
+        self.model.springs.prepare_for(first.lattice)
+        self.subdomains = first.arrangement.subdomains
+        self.occupant: Simulation | None = None
+        self._engine = engine.program()
+        self._capacity = Capacity(*map(_doubled, first.needed, MIN_CAPACITY))
         # The user's own laws make fields, too, and may fail.
         with field_builder(ti) as builder:
-            self._make_fields(builder, factor)
+            self._make_fields(builder, first.factor)
             self._tree = owner.call(builder.finalize)
-            self._start(lattice, model, velocities, dt, arrangement, factor)
+            self.switch_to(first)
 
     def _make_fields(self, builder: Any, factor: Dashpots) -> None:
         for law in self.model.laws:
@@ -136,54 +111,58 @@ class Simulation:
         else:
             self.kernels = Kernels(*parts)
 
-    def restart(
-        self,
-        lattice: Lattice,
-        model: Model,
-        integrator: Integrator,
-        velocities: Array,
-        dt: float,
-    ) -> bool:
-        """Become the simulation that these arguments would make, without a compilation.
+    def fits(self, simulation: Simulation) -> bool:
+        """Whether the fields still exist (a `ti.init` or `ti.reset` by the user deletes
+        them) and have room for a simulation."""
+        room = zip(simulation.needed, self._capacity, strict=True)
+        has_room = all(count <= most for count, most in room)
+        same_cut = simulation.arrangement.subdomains == self.subdomains
+        return self.is_alive and has_room and same_cut
 
-        Returns False and changes nothing if the laws are of other kinds or the lattice
-        is too large.
-        """
-        if (
-            integrator is not self.integrator
-            or compiled_for(lattice, model, integrator) != self.features
-        ):
-            return False
-        arrangement = self._arrangement
-        if lattice.bonds is not self.lattice.bonds:
-            arrangement = arrange(lattice.bonds, len(lattice.positions))
-        factor = self._factor(lattice, model, dt)
-        needed = _needed(lattice, arrangement, factor)
-        has_room = all(
-            count <= most for count, most in zip(needed, self._capacity, strict=True)
-        )
-        if not has_room or arrangement.subdomains != self.subdomains:
-            return False
-        self._start(lattice, model, velocities, dt, arrangement, factor)
-        return True
+    @property
+    def is_alive(self) -> bool:
+        return engine.program() is self._engine
 
-    def _factor(self, lattice: Lattice, model: Model, dt: float) -> Dashpots:
-        if not (model.springs.damped and self.integrator.dashpots == "implicit"):
-            return None
-        if iterates(lattice, model, self.integrator):
-            return diagonal(lattice, model, dt)
-        return factorise(lattice, model, dt)
+    def switch_to(self, simulation: Simulation) -> None:
+        """Save the state of the occupant, and write that of `simulation` into the
+        fields."""
+        self._save()
+        for law, new in zip(self.model.laws, simulation.model.laws, strict=True):
+            law.take_values(new)
+        saved = simulation.saved
+        if saved is None:
+            simulation.contents = self._begin(simulation)
+        else:
+            self._write_state(simulation.contents, saved)
+            owner.call(self.state.begin_again, simulation.contents)
+            if simulation.mouse_target:
+                owner.call(self.kernels.set_mouse_target, *simulation.mouse_target)
+                # the saved state contains the pull
+                owner.call(self.state.restore, saved)
+        self.occupant = simulation
 
-    def _start(
-        self,
-        lattice: Lattice,
-        model: Model,
-        v: Array,
-        dt: float,
-        arrangement: Arrangement,
-        factor: Dashpots,
-    ) -> None:
-        self._take(lattice, model, dt, arrangement)
+    def _save(self) -> None:
+        if self.occupant:
+            self.occupant.saved = self.snapshot()
+        self.occupant = None
+
+    def snapshot(self) -> Snapshot:
+        """Return a copy of the occupant's state."""
+        assert self.occupant is not None
+        n = len(self.occupant.lattice.positions)
+        return owner.call(self.state.export, n, self.occupant.step_number)
+
+    def destroy(self) -> None:
+        self._save()
+        owner.call(self._tree.destroy)
+
+    def _begin(self, simulation: Simulation) -> Written:
+        """Write the state at t = 0."""
+        lattice = simulation.lattice
+        model = simulation.model
+        arrangement = simulation.arrangement
+        dt = simulation.dt
+        v = simulation.start_velocities
         state = self.state
         numbers: list[tuple[Any, float]] = [
             (state.h, dt),
@@ -192,36 +171,21 @@ class Simulation:
             (state.contact, _contact_force(lattice, model, v)),
             (state.n, len(lattice.positions)),
             (state.n_disk, lattice.disk_points),
+            (state.triangles, len(lattice.triangles)),
             (state.blocks, len(arrangement.ends) // BLOCK),
             (state.subdomain_points, arrangement.subdomain_points),
             (state.reset_steps, max(1, round(model.reset_interval / dt))),
         ]
-        contents = state.contents(
-            lattice, arrangement, self._vectors(lattice, model, v)
-        )
+        contents = state.contents(lattice, arrangement, self._vectors(simulation))
         for law in self.model.laws:
             numbers += law.numbers()
             contents += law.contents(lattice, arrangement)
         if self.kernels.solver is not None:
-            contents += self.kernels.solver.contents(factor)
-        written = owner.call(state.begin, numbers, contents)
-        self.load = Load(lattice, model, dt, arrangement, written)
-        rows = np.empty((1, len(INDEX)))
-        counts = np.array([NEVER, 0, 0, 0], np.int32)
-        owner.call(self.kernels.advance, -1, 1, 1, rows, bounds_array({}), counts)
-        self.first_row = self.now = rows[0]
-
-    def write_again(self, load: Load, snapshot: Snapshot) -> None:
-        """Take up a lattice that this simulation moved before another one, in a later
-        state."""
-        self._take(load.lattice, load.model, load.dt, load.arrangement)
-        self.load = load
-        self._write_state(load.written, snapshot)
-        owner.call(self.state.begin_again, load.written)
-        self.step_number = snapshot.step
+            contents += self.kernels.solver.contents(simulation.factor)
+        return owner.call(state.begin, numbers, contents)
 
     def _write_state(self, written: Written, snapshot: Snapshot) -> None:
-        """Put a state into what was written, in place of the first state."""
+        """Replace the state in `written` by that of `snapshot`."""
         _, (masses, points, sums, *_), values = written
         first = 2 * masses
         end = first + snapshot.vectors[:, 0].size * points
@@ -230,19 +194,12 @@ class Simulation:
         vectors.view(complex)[:masses, :, 0] = snapshot.vectors.view(complex)[..., 0].T
         values[end : end + sums] = snapshot.sums
 
-    def _take(
-        self, lattice: Lattice, model: Model, dt: float, arrangement: Arrangement
-    ) -> None:
-        for law, new in zip(self.model.laws, model.laws, strict=True):
-            law.take_values(new)
-        self.lattice = lattice
-        self.dt = dt
-        self._arrangement = arrangement
-        self.step_number = 0
-        self.generation += 1
-
-    def _vectors(self, lattice: Lattice, model: Model, v: Array) -> list[Array]:
+    def _vectors(self, simulation: Simulation) -> list[Array]:
         """Return the vectors (n, 2) of the state at t = 0, as `Snapshot` lists them."""
+        lattice = simulation.lattice
+        model = simulation.model
+        v = simulation.start_velocities
+        dt = simulation.dt
         x = lattice.positions
         zero = np.zeros_like(x)
         if not self.state.corrected:
@@ -252,12 +209,86 @@ class Simulation:
             forces = model.forces_moving(lattice, x + t * v, zero)
             return forces / lattice.masses[:, None]
 
-        c = self.integrator.correction * self.dt**2
+        c = self.integrator.correction * dt**2
         a = acceleration(0.0)
         change = acceleration(DIFFERENCE_TIME) - acceleration(-DIFFERENCE_TIME)
         v_corrected = v + 0.5 * c / DIFFERENCE_TIME * change
-        observed = v - self.integrator.observed_kick * self.dt * a
+        observed = v - self.integrator.observed_kick * dt * a
         return [x, v_corrected, zero, observed, x - c * a]
+
+
+class Simulation:
+    """Moves one lattice by a model's laws, from `velocities` (n, 2) [c] at t = 0, in
+    steps of `dt` [R/c].
+
+    Attributes:
+        step_number: number of steps made since t = 0.
+        first_row, now: (columns,) observables at t = 0, and after the last step.
+        program: has this simulation in its fields, or had it last.
+        saved: the state, if the program has another simulation in its fields.
+        contents: what was last written into the fields.
+        mouse_target: point that the mouse pulls, and where to [R].
+        cache: makes programs; by default a cache of its own.
+    """
+
+    def __init__(
+        self,
+        lattice: Lattice,
+        model: Model,
+        integrator: Integrator,
+        velocities: Array,
+        dt: float,
+        cache: KernelCache | None = None,
+    ) -> None:
+        self.lattice = lattice
+        self.model = model
+        self.integrator = integrator
+        self.start_velocities = velocities
+        self.dt = dt
+        self.step_number = 0
+        self.saved: Snapshot | None = None
+        self.contents: Any = None
+        self.mouse_target: tuple[int, float, float] | None = None
+        self.cache = cache or KernelCache()
+        self.arrangement = self.cache.arrangement(lattice)
+        self.factor = self._factor()
+        self.program = self.cache.program(self)
+        rows = np.empty((1, len(INDEX)))
+        counts = np.array([NEVER, 0, 0, 0], np.int32)
+        limits = rows, bounds_array({}), counts
+        owner.call(self.program.kernels.advance, -1, 1, 1, *limits)
+        self.first_row = self.now = rows[0]
+
+    def _factor(self) -> Dashpots:
+        model = self.model
+        if not (model.springs.damped and self.integrator.dashpots == "implicit"):
+            return None
+        if iterates(self.lattice, model, self.integrator):
+            return diagonal(self.lattice, model, self.dt)
+        return factorise(self.lattice, model, self.dt)
+
+    @property
+    def needed(self) -> Capacity:
+        entries = 0
+        if isinstance(self.factor, Factor):
+            entries = len(self.factor.row)
+        blocks = len(self.arrangement.ends) // BLOCK
+        return Capacity(len(self.lattice.positions), blocks, entries)
+
+    @property
+    def subdomains(self) -> int:
+        return self.arrangement.subdomains
+
+    def _in_fields(self) -> Program:
+        """Return the program, after a switch to this simulation if necessary."""
+        if self.program.occupant is not self:
+            self.program = self.cache.program(self)
+        elif not self.program.is_alive:
+            raise TaichiDiskError(
+                "a later ti.init or ti.reset has deleted the fields of this simulation:"
+                " make another"
+            )
+        return self.program
 
     # ---- time
 
@@ -278,11 +309,7 @@ class Simulation:
         and the new value of `settled`.
         """
         raise_if_interrupted()
-        if not self.is_alive:
-            raise TaichiDiskError(
-                "a later ti.init or ti.reset has deleted the fields of this simulation:"
-                " make another"
-            )
+        kernels = self._in_fields().kernels
         steps_since_row = self.step_number % stride
         max_rows = (steps_since_row + steps) // stride + 1
         rows = np.empty((max_rows, self.now.size))
@@ -290,7 +317,7 @@ class Simulation:
             bounds = bounds_array({})
         counts = np.array([needed, settled, 0, 0], np.int32)
         limits = rows, bounds, counts
-        owner.call(self.kernels.advance, self.step_number, steps, stride, *limits)
+        owner.call(kernels.advance, self.step_number, steps, stride, *limits)
         _, settled, made, count = counts.tolist()
         self.step_number += made
         if steps:
@@ -310,11 +337,10 @@ class Simulation:
 
     def snapshot(self) -> Snapshot:
         """Return a copy of the state, from which `restore` continues bitwise."""
-        n = len(self.lattice.positions)
-        return owner.call(self.state.export, n, self.step_number)
+        return self._in_fields().snapshot()
 
     def restore(self, snapshot: Snapshot) -> None:
-        owner.call(self.state.restore, snapshot)
+        owner.call(self._in_fields().state.restore, snapshot)
         self.step_number = snapshot.step
 
     def positions(self, snapshot: Snapshot | None = None) -> Array:
@@ -336,28 +362,21 @@ class Simulation:
     ) -> float:
         """Tie `point` (-1: none) to the mouse at `target` [R], and return the jump of
         `load` [M c^2]."""
-        return float(owner.call(self.kernels.set_mouse_target, point, *target))
-
-    @property
-    def is_alive(self) -> bool:
-        """Whether the fields still exist: a `ti.init` or `ti.reset` by the user deletes
-        them."""
-        return engine.program() is self._program
-
-    def destroy(self) -> None:
-        self.generation = -1
-        owner.call(self._tree.destroy)
+        pull = self._in_fields().kernels.set_mouse_target
+        self.mouse_target = (point, *target)
+        return float(owner.call(pull, *self.mouse_target))
 
 
 class KernelCache:
-    """Reuses compiled simulations, because a compilation takes seconds.
+    """Reuses compiled programs, because a compilation takes seconds.
 
     `compile_seconds`: wall-clock time that simulations have taken until t = 0 [s].
     """
 
     def __init__(self) -> None:
         self.compile_seconds = 0.0
-        self._known: dict[Any, Simulation] = {}
+        self._known: dict[Any, Program] = {}
+        self._last: tuple[Any, Any] = None, None
 
     def __reduce__(self) -> Any:
         # a pickled cache is empty: another process compiles its own kernels
@@ -371,24 +390,35 @@ class KernelCache:
         velocities: Array,
         dt: float,
     ) -> Simulation:
-        """Return a simulation reset to t = 0, reusing a compiled one if possible, which
-        invalidates earlier returns."""
         began = perf_counter()
-        # a small lattice and one for several cores keep a simulation each
-        is_parallel = len(lattice.positions) >= PARALLEL_FROM
-        key = (
-            compiled_for(lattice, model, integrator),
-            integrator.name,
-            is_parallel,
-        )
-        known = self._known.get(key)
-        arguments = lattice, model, integrator, velocities, dt
-        if known is None or not known.is_alive or not known.restart(*arguments):
-            raise_if_interrupted()
-            if known is not None and known.is_alive:
-                known.destroy()
-            known = self._known[key] = Simulation(*arguments)
+        made = Simulation(lattice, model, integrator, velocities, dt, self)
         self.compile_seconds += perf_counter() - began
+        return made
+
+    def arrangement(self, lattice: Lattice) -> Arrangement:
+        """Return the arrangement of a lattice; it is computed again only for other
+        springs than last time."""
+        bonds, known = self._last
+        if bonds is not lattice.bonds:
+            known = arrange(lattice.bonds, len(lattice.positions))
+            self._last = lattice.bonds, known
+        return known
+
+    def program(self, simulation: Simulation) -> Program:
+        """Return a program with `simulation` in its fields, compiled only if
+        necessary."""
+        # a small lattice and one for several cores keep a program each
+        body = simulation.lattice, simulation.model, simulation.integrator
+        is_parallel = len(simulation.lattice.positions) >= PARALLEL_FROM
+        key = (compiled_for(*body), simulation.integrator.name, is_parallel)
+        known = self._known.get(key)
+        if known is not None and known.fits(simulation):
+            known.switch_to(simulation)
+            return known
+        raise_if_interrupted()
+        if known is not None and known.is_alive:
+            self._known.pop(key).destroy()
+        known = self._known[key] = Program(simulation)
         return known
 
 
@@ -430,13 +460,6 @@ def _contact_force(lattice: Lattice, model: Model, v: Array) -> float:
     # where the wall's potential energy is U, its force is a U
     a = model.wall.added_stiffness(1.0)
     return CONTACT_ENERGY * kinetic_energy * a
-
-
-def _needed(lattice: Lattice, arrangement: Arrangement, factor: Dashpots) -> Capacity:
-    entries = 0
-    if isinstance(factor, Factor):
-        entries = len(factor.row)
-    return Capacity(len(lattice.positions), len(arrangement.ends) // BLOCK, entries)
 
 
 def _doubled(needed: int, least: int) -> int:

@@ -30,6 +30,7 @@ from taichi_disk.physics.law import (
     pair_of,
     put,
     scalar,
+    side_by_side,
 )
 from taichi_disk.physics.ordering import Arrangement
 
@@ -90,6 +91,7 @@ class PointFields:
             and the same for the observed velocities [R/c].
         contact: force of the wall on one point at which contact begins [M c^2/R].
         n, n_disk: number of all points and of the disk's points.
+        corners, triangles: corners of each triangle, and the number of triangles.
         reset_steps: steps between two resets of the boundary.
     """
 
@@ -118,9 +120,16 @@ class PointFields:
         self.h, self.closing, self.observed, self.contact = (
             scalar(builder) for _ in range(4)
         )
-        self.n, self.n_disk, self.blocks, self.subdomain_points, self.reset_steps = (
-            scalar(builder, ti.i32) for _ in range(5)
-        )
+        # a triangulation of n points has fewer than 2 n triangles
+        self.corners = side_by_side(builder, 2 * capacity.points, 3, ti.i32)
+        (
+            self.n,
+            self.n_disk,
+            self.triangles,
+            self.blocks,
+            self.subdomain_points,
+            self.reset_steps,
+        ) = (scalar(builder, ti.i32) for _ in range(6))
         self.subdomain_ends = array(builder, subdomains)
         self.summed = SUMS + 2 * model.has_friction
         self.sums = array(builder, self.summed, ti.f64)
@@ -130,8 +139,8 @@ class PointFields:
     def contents(
         self, lattice: Lattice, arrangement: Arrangement, start: Sequence[Array]
     ) -> Contents:
-        n = len(lattice.masses)
         masses = lattice.masses
+        n = len(masses)
         vectors = np.zeros((n + self.fillers, len(self.vectors), 2))
         for k, values in enumerate(start):
             vectors[:n, k] = values
@@ -142,6 +151,7 @@ class PointFields:
             (tuple(chain.from_iterable(self.vectors)), vectors),
             ((self.sums,), np.zeros(self.summed)),
             ((self.subdomain_ends,), arrangement.subdomain_ends),
+            (self.corners, lattice.triangles),
         ]
 
     def begin(
@@ -153,7 +163,7 @@ class PointFields:
         # One kernel writes all of them, because loading a compiled kernel takes 30 ms.
         self.scalars = [field for field, _ in numbers]
         self.fields = [fields for fields, _ in contents]
-        scalars = np.array([number for _, number in numbers], np.float64)
+        scalars = np.array([number for _, number in numbers], float)
         arrays = [np.asarray(values, np.float64) for _, values in contents]
         for fields, values in zip(self.fields, arrays, strict=True):
             check_room(fields, len(values))

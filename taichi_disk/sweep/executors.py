@@ -8,6 +8,7 @@ import re
 from collections.abc import Generator, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from itertools import groupby, islice
 from queue import Empty, SimpleQueue
 from typing import Any
@@ -22,7 +23,7 @@ from taichi_disk.errors import (
     install_extra,
 )
 from taichi_disk.machine import can_start_python, cores
-from taichi_disk.processes.pool import Pool
+from taichi_disk.processes.pool import Pool, awaited
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import lattice_key
 from taichi_disk.signals import POLL_INTERVAL, raise_if_interrupted
@@ -129,8 +130,10 @@ def _client(address: str) -> Iterator[Any]:
             f"Dask needs the package distributed: {install_extra('cluster')}"
         ) from None
     NOTICES.info(f"waiting for the Dask scheduler at {address}")
+    connect = partial(Client, address, timeout=CONNECT_TIMEOUT, set_as_default=False)
     try:
-        client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
+        # a server of another kind that says nothing lets it wait for ever
+        client = awaited(connect, 2.0 * CONNECT_TIMEOUT)
     except Exception as error:  # a server of another kind may answer anything
         raise InputError(
             f"no Dask scheduler answers at {address} ({error!r:.100}); start one with"
@@ -144,7 +147,7 @@ def _check_workers(client: Any) -> None:
     """Raise InputError if a worker of Dask has other versions, or lacks this package:
     it would close itself without a word."""
     try:
-        installed = client.run(relevant_versions)
+        installed = awaited(partial(client.run, relevant_versions))
     except Exception as error:
         raise InputError(
             f"a worker cannot import this package ({error}): install the same packages"

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from filelock import FileLock, Timeout
 
 from taichi_disk.config.tree import as_path
-from taichi_disk.errors import NOTICES, InputError, whole_number
+from taichi_disk.errors import NOTICES, InputError, by_kind, whole_number
 from taichi_disk.lattice import file_digest
 from taichi_disk.output.files import (
     prepare_output,
@@ -88,9 +88,6 @@ class SweepResult:
         from taichi_disk.figures.texts import curve_rows, explanations
         from taichi_disk.output.inline import card
 
-        figure = None
-        if len(self.failed) < len(self.rows):
-            figure = self.plot()
         rows = []
         curves = self.summary.get("curves", ())
         for label, laws in curve_rows(curves):
@@ -98,7 +95,22 @@ class SweepResult:
                 rows.append((label, law, parameters))
                 label = ""  # stands only beside the first law
         rows += [("", law, meaning) for law, meaning in explanations(curves)]
-        return card(f"{self.summary['scene']}: {_counted(self)}", rows, figure)
+        return card(
+            f"{self.summary['scene']}: {_counted(self)}",
+            rows,
+            self._figure(),
+            self.summary["warnings"],
+        )
+
+    def _repr_png_(self) -> bytes | None:
+        """Return a picture for documents without HTML, such as those by LaTeX."""
+        figure = self._figure()
+        return figure._repr_png_() if figure else None
+
+    def _figure(self) -> Plot | None:
+        if len(self.failed) == len(self.rows):
+            return None
+        return self.plot()
 
     def plot(self, x: str | None = None, y: str | None = None) -> Plot:
         """Return a figure of Matplotlib, which may be changed and saved.
@@ -114,6 +126,7 @@ class SweepResult:
         """
         from taichi_disk.figures.curves import analyse
         from taichi_disk.figures.drawing import figure_to_change
+        from taichi_disk.output.inline import registered
 
         axes = self.sweep.axes
         if x is not None and x not in axes:
@@ -122,7 +135,7 @@ class SweepResult:
         if not diagram.curves:
             columns = ", ".join(self.rows[0])
             raise InputError(f"y: no row has a number {diagram.y}; there are {columns}")
-        return figure_to_change(diagram)
+        return registered(figure_to_change(diagram))
 
     def dataframe(self) -> DataFrame:
         """Return the rows as a table of pandas. Raises TaichiDiskError if pandas is not
@@ -208,11 +221,22 @@ def run_sweep(
                 progress("sweep", len(results), len(scenes))
         rows = _rows(sweep, [key for key in keys if key in scenes], scenes, results)
         summary = _summary(sweep, rows, computed_now=len(results) - stored)
+        summary["warnings"] = _counted_warnings([results[key] for key in scenes])
         if part is None:
             _write_table(out, sweep, rows, summary, started)
         else:
             summary |= {"part": part, "wall_clock": perf_counter() - started}
+        for text in summary["warnings"]:
+            NOTICES.warning(text)
         return SweepResult(rows, summary, out, sweep)
+
+
+def _counted_warnings(results: Sequence[PointResult]) -> list[str]:
+    texts = [text for result in results for text in result.warnings]
+    return [
+        f"{count} of {len(results)} points have a warning: {text}"
+        for text, count in by_kind(texts).items()
+    ]
 
 
 def _say_note(scenes: executors.Scenes) -> None:
@@ -372,9 +396,6 @@ def print_sweep(result: SweepResult) -> None:
     for law, meaning in explanations(curves):
         print(f"{law}: {meaning}")
     _print_failures(result)
-    warned = [row for row in result.rows if row["warnings"]]
-    if warned:
-        print(f"{len(warned)} points with warnings, see points.csv")
     counted = f"{_counted(result)}; {summary['wall_clock']:.1f} s"
     files = f"files in {result.out}"
     if part is None:

@@ -4,6 +4,7 @@
 // path: [[x, y], …] or nothing}.
 // `limit` is the value of full colour (for fringes: the stress difference of one fringe), and
 // `fullForce` is the force of an arrow of the length ARROW.
+// `written` is the limit in the legend, if it is another.
 // Without `path` the drawing remembers where the centre of mass was since `setScene`.
 
 import { Field } from "./field.js";
@@ -55,7 +56,8 @@ export class Drawing {
     this.canvas = canvas;
     this.context = canvas.getContext("2d");
     // draw, quantity, theme, magnify, outline, path, forces, follow; arrow: a velocity [c]; canAim:
-    // whether its tip can be dragged; letters: their size
+    // whether its tip can be dragged; isAimed: whether the speed is written beside it; letters: their
+    // size
     this.options = { letters: 1 };
     this.camera = { x: 0, y: 1, scale: 100, home: true };
   }
@@ -156,10 +158,8 @@ export class Drawing {
     const centre = [state.row.com_x, state.row.com_y];
     if (options.follow) [this.camera.x, this.camera.y] = centre;
     const theme = scene.themes[options.theme];
-    const isMagnified = options.magnify > 1;
-    const unmoved = options.outline || isMagnified ? this.unmoved(state.x) : null;
-    const moved = (value, i) => unmoved[i] + options.magnify * (value - unmoved[i]);
-    const x = isMagnified ? state.x.map(moved) : state.x;
+    const isMoved = options.magnify * (options.ringing ?? 1) > 1;
+    const x = isMoved ? this.placed(state.x) : state.x;
     const hasWall = scene.wall.kind !== "none";
 
     ctx.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
@@ -173,6 +173,7 @@ export class Drawing {
     ctx.fillStyle = theme.wall;
     if (hasWall) ctx.fill(this.wallPath(x, scene.wall.edge));
     if (options.outline) {
+      const unmoved = this.unmoved(state.x);
       const ring = Array.from([...scene.outline, scene.outline[0]], (i) => this.point(unmoved, i));
       line(ctx, ring, theme.faint, 1.3, [5, 4]);
     }
@@ -248,7 +249,7 @@ export class Drawing {
     line(this.context, spoke, theme.ink, 2);
   }
 
-  // Draw the arrow of a velocity, and its speed beside the tip.
+  // Draw the arrow of a velocity and, while it is aimed, its speed beside the tip.
   drawVelocity(centre, [vx, vy], theme) {
     const { context: ctx } = this;
     const speed = Math.hypot(vx, vy);
@@ -256,7 +257,7 @@ export class Drawing {
     const length = arrowLength(speed) / speed;
     const tip = [centre[0] + length * vx, centre[1] + length * vy];
     this.drawArrow(centre, tip, this.options.canAim ? theme.accent : theme.velocity, theme);
-    if (length * speed < 0.1) return;
+    if (!this.options.isAimed) return;
     const { letters } = this.options;
     const [px, py] = this.toScreen(...tip);
     ctx.font = `bold ${14 * letters}px system-ui, sans-serif`;
@@ -267,7 +268,7 @@ export class Drawing {
     ctx.fillText(text, px + 12, py);
   }
 
-  drawLegend({ limit, fullForce }, theme) {
+  drawLegend({ limit, written = limit, fullForce }, theme) {
     const { context: ctx, options, quantity, colours } = this;
     const { letters } = options;
     ctx.save();
@@ -277,7 +278,7 @@ export class Drawing {
       height: this.height / letters,
       theme,
       quantity,
-      limit,
+      limit: written,
       colours,
       scale: this.camera.scale / letters,
       force: options.forces && this.scene.wall.kind !== "none" ? fullForce : 0,
@@ -335,6 +336,23 @@ export class Drawing {
       lowest = Math.min(lowest, x[i + 1]);
     }
     for (let i = 1; i < 2 * count; i += 2) out[i] += lowest + lift;
+    return out;
+  }
+
+  // Return where points are drawn if displacements are magnified, and those of a ringing around the
+  // disk's centre: none below the wall's edge or, if that is lower, below the lowest one in truth.
+  placed(x) {
+    const { disk_points: count, wall } = this.scene;
+    const { magnify, ringing = 1 } = this.options;
+    const unmoved = this.unmoved(x);
+    const moved = x.map((value, i) => magnify * (value - unmoved[i]));
+    const shift = centroid(moved, count);
+    for (let i = 0; i < 2 * count; i++)
+      moved[i] = shift[i % 2] + ringing * (moved[i] - shift[i % 2]);
+    const out = moved.map((value, i) => unmoved[i] + value);
+    let floor = wall.edge ?? -Infinity;
+    for (let i = 1; i < 2 * count; i += 2) floor = Math.min(floor, x[i]);
+    for (let i = 1; i < 2 * count; i += 2) out[i] = Math.max(out[i], floor);
     return out;
   }
 

@@ -2,7 +2,7 @@
 each state.
 
 JSON cannot hold arrays: they are little-endian bytes in base64. `bundle` joins modules
-for documents that cannot load any: a file opened from disk, a notebook.
+for documents that cannot load any, such as a file opened from disk.
 """
 
 from __future__ import annotations
@@ -104,7 +104,9 @@ def _quantity(name: str) -> dict[str, Any]:
     label = kind.label
     if kind.on != "points":
         label += " (averaged)"
-    return asdict(kind) | {"name": name, "label": label, "map": map_kind(name)}
+    words = asdict(kind)
+    del words["full"]
+    return words | {"name": name, "label": label, "map": map_kind(name)}
 
 
 def _maps() -> dict[str, str]:
@@ -199,12 +201,14 @@ def bundle(*names: str) -> str:
 
 
 DRAWING = ("html.js", "field.js", "legend.js", "draw.js", "gestures.js")
-SANDBOX = (
+FILM = (
     *DRAWING,
-    "message.js",
-    "graphs.js",
     "controls.js",
+    "graphs.js",
     "results.js",
-    "scenes.js",
-    "sandbox.js",
+    "stepper.js",
+    "colours.js",
+    "again.js",
+    "throws.js",
+    "film.js",
 )

@@ -5,14 +5,14 @@ import { Drawing, bytes, decoded } from "./draw.js";
 import { followPointers } from "./gestures.js";
 import { checked, element, elements, inks } from "./html.js";
 import { FONT, arrow, label, line, roundAbove, roundBelow } from "./legend.js";
+import { Throws } from "./throws.js";
 
 const VELOCITY_ARROW = 0.7; // length of the arrow of the speed before an impact [R]
 const SLOW = 0.02; // a smaller part of that speed has no arrow
 const COMING = { light: "#b8b8b7", dark: "#54575e" }; // colours of curves still to come
 const DASHES = [[], [5, 3], [1, 3], [9, 3, 1, 3]]; // of the curves of compared runs
-const STROKES = ["——", "– –", "·····", "– · –"]; // the same in words
 const CLEAR = 0.15; // part of an axis beside which another number has room
-const WIDE = 160; // axis of time with room for three numbers [px]
+const WIDE = 160; // axis of time with room for a number in its middle [px]
 const LOW = 230; // a lower picture has no room for a legend [px]
 const STACKED = "(max-width: 599px) and (min-height: 701px)"; // disks one above the other
 
@@ -23,9 +23,16 @@ function between(values, place) {
   return values[k] + (place - k) * (next - values[k]);
 }
 
-// The states of one run.
+// The states of one run. A throw (`Again`) has the same attributes and `state`:
+//   times: of the states; cues: the place in that list, of each picture; end: of the run
+//   curves: over `times`; captions: the changing words of each picture, in lines
+//   strengths: how many times stronger each picture shows the ringing
+//   edge: height of the wall's drawn edge; magnify: factor on displacements
 class Recording {
-  constructor(run, data) {
+  constructor(run, data, { times, cues, curves, end }) {
+    const { wall, options } = run.scene;
+    Object.assign(this, { times, cues, curves, end, captions: run.captions });
+    Object.assign(this, { edge: wall.edge, magnify: options.magnify, strengths: run.strengths });
     const array = (name, Kind) => new Kind(data, ...run.arrays[name]);
     const { points } = run.scene;
     this.run = run;
@@ -113,19 +120,28 @@ class Pane extends Drawing {
   }
 }
 
+// Return a short line with the dash of a run.
+function stroke(dash) {
+  const made = element("template");
+  made.innerHTML = `<svg width="30" height="8"><path d="M1 4H29" fill="none" stroke="currentColor" stroke-width="2" stroke-dasharray="${dash}"/></svg>`;
+  return made.content;
+}
+
 // Curves of the velocity, the force and the energies over time, grey where they are still to come.
 // Those of each run have a dash of its own.
 class Curves {
-  constructor(canvas, names, { titles, curves, times, end, unit, runs }) {
+  // before: the throw before, whose motion and force are dotted
+  constructor(canvas, names, { titles, unit, runs }, { curves, times, end }, before) {
     const first = Math.max(times[0], 0);
     const last = Math.min(times.at(-1), end);
     const moments = times.map((t) => Math.min(Math.max(t, first), last)); // others are flights
-    Object.assign(this, { canvas, first, last, moments, unit });
+    Object.assign(this, { canvas, first, last, moments, unit, before });
     canvas.ariaLabel = `${titles.join(", ")} over time`;
-    this.panels = titles.map((title, k) => new Panel(title, curves, k));
+    this.panels = titles.map((title, k) => new Panel(title, curves, before?.curves ?? [], k));
+    names.replaceChildren();
     const isCompared = runs.length > 1;
     runs.forEach(({ scene }, k) => {
-      if (isCompared) names.append(element("span", {}, `${STROKES[k]} ${scene.title[0]}`), " ");
+      if (isCompared) names.append(stroke(DASHES[k]), element("span", {}, scene.title[0]), " ");
     });
     const named = new Map(curves.map(({ name, colours }) => [name, colours]));
     named.delete("");
@@ -152,7 +168,8 @@ class Curves {
     });
   }
 
-  drawPanel(ctx, { title, curves, ticks }, [start, top, across, down], place, theme, colours) {
+  drawPanel(ctx, panel, [start, top, across, down], place, theme, colours) {
+    const { title, curves, ticks, earlier } = panel;
     const { first, last, moments, unit } = this;
     const high = ticks.at(-1);
     const low = ticks[0];
@@ -183,6 +200,12 @@ class Curves {
     const room = start + across - 12 - (start + 12);
     const shown = words.find((text) => ctx.measureText(text).width < room) ?? words[2];
     ctx.fillText(shown, start + 12, top + 13);
+    for (const { values, colours: pair } of earlier) {
+      const points = values.map((value, k) => [this.before.times[k], value]);
+      const seen = points.filter(([t]) => t >= first && t <= last);
+      const drawn = seen.map(([t, value]) => [column(t), row(value)]);
+      line(ctx, drawn, pair[Number(theme === "dark")], 1.4, DASHES[2]);
+    }
     for (const { values, colours: pair, run } of curves) {
       const points = values.map((value, k) => [column(moments[k]), row(value)]);
       const now = [column(between(moments, place)), row(between(values, place))];
@@ -197,10 +220,11 @@ class Curves {
 
 // The curves of one panel, and the values that its axis names.
 class Panel {
-  constructor(title, curves, number) {
+  constructor(title, curves, before, number) {
     this.title = title;
     this.curves = curves.filter(({ panel }) => panel === number);
-    const values = this.curves.flatMap((one) => one.values);
+    this.earlier = before.filter(({ panel }) => panel === number && number < 2);
+    const values = [...this.curves, ...this.earlier].flatMap((one) => one.values);
     const most = values.reduce((high, value) => Math.max(high, value), 0);
     const least = values.reduce((low, value) => Math.min(low, value), 0);
     const size = Math.max(most, -least) || 1;
@@ -220,9 +244,15 @@ async function unpacked(text) {
   return { head, data: data.slice(4 + length) };
 }
 
+// Return a line of a title whose values are not broken.
+function unbroken(line) {
+  const words = line.split("    ").map((word) => element("em", { className: "whole" }, word));
+  return [...words.flatMap((word) => [word, "   "]), "\n"];
+}
+
 // Return the elements of one line of a caption. A blank line keeps its height.
 function captionLine(text) {
-  const plain = `${text.replace(/^[*+]/, "")}\u00a0\n`;
+  const plain = `${text.replace(/^[*+]/, "") || "\u00a0"}\n`;
   if (text.startsWith("+")) return element("em", { className: "motion" }, plain);
   return element(text.startsWith("*") ? "b" : "em", {}, plain);
 }
@@ -230,11 +260,12 @@ function captionLine(text) {
 async function play() {
   const ui = elements(document);
   const { head, data } = await unpacked(ui.states.textContent);
-  const { runs, cues, fps } = head;
+  const { runs, fps } = head;
   const { scene } = runs[0];
-  const last = cues.length - 1;
+  const last = head.cues.length - 1;
   const settings = { ...scene.options, speed: 1 };
-  const curves = new Curves(ui.curves, ui.names, head);
+  let curves;
+  let throws;
   let place = 0;
   let before = 0;
   let isPlaying;
@@ -242,18 +273,17 @@ async function play() {
   let isUsed = window.top === window;
 
   const panes = runs.map((run) => {
-    const [name, ...lines] = run.scene.title;
     const caption = element("p");
     const canvas = element("canvas", { role: "img" });
     canvas.ariaLabel = run.scene.title.join(", ");
-    const words = element("p", { className: "faint" }, lines.join("\n"));
-    const title = element("div", {}, element("h1", {}, name), words);
+    const words = element("p", { className: "faint" });
+    const title = element("div", {}, element("h1", {}, run.scene.title[0]), words);
     const figcaption = element("figcaption", {}, title, caption);
     const figure = element("figure", {}, figcaption, canvas);
     ui.disks.append(figure);
     const drawing = new Pane(canvas);
     drawing.setScene(run.scene);
-    return { drawing, figure, caption, canvas, run, recording: new Recording(run, data) };
+    return { drawing, figure, caption, canvas, words, run };
   });
   const all = (act) => panes.forEach(({ drawing }) => act(drawing));
   const view = {
@@ -273,26 +303,46 @@ async function play() {
     show();
   }
 
+  // Show the states of `recordings`, one in each pane, with dotted curves of a throw before.
+  function take(recordings, earlier) {
+    panes.forEach((pane, k) => {
+      const recording = recordings[k];
+      const words = recording.title ?? pane.run.scene.title;
+      pane.words.replaceChildren(...words.slice(1).flatMap(unbroken));
+      pane.recording = recording;
+      pane.drawing.scene.wall.edge = recording.edge;
+    });
+    settings.magnify = recordings[0].magnify;
+    curves = new Curves(ui.curves, ui.names, head, recordings[0], earlier);
+  }
+
   function show() {
-    const from = Math.floor(place);
-    const to = Math.min(from + 1, last);
-    const at = cues[from] + (place - from) * (cues[to] - cues[from]);
+    const [{ recording: main }] = panes;
+    const at = between(main.cues, place);
+    const words = main.captions[Math.round(place)];
     for (const { drawing, caption, run, recording } of panes) {
       const state = recording.state(at, settings.quantity);
-      const hasArrow = run.full_speed && ui.velocity.checked;
-      const factor = Number(settings.magnify.toPrecision(2));
-      const magnified = factor > 1 ? `displacements × ${factor}` : "";
-      const lines = [...run.captions[Math.round(place)], magnified];
+      const lines = [...recording.captions[Math.round(place)]];
+      const ringing = between(recording.strengths, place);
+      const { power } = scene.quantities.find(({ name }) => name === settings.quantity);
+      // The numbers of the scale change once.
+      const full = lines.at(-1) ? Math.max(...recording.strengths) : 1;
+      const magnify = Number(settings.magnify.toPrecision(2));
+      if (magnify > 1) lines.push(lines.pop() || `displacements × ${magnify}`);
       const shown = lines.map(captionLine);
-      // pace and magnification, for which small comparisons have no room
-      shown.slice(-2).forEach((line) => line.classList.add("scales"));
+      // for which small comparisons have no room
+      shown.at(-2).classList.add("scales", "pace");
+      shown.at(-1).classList.add("scales", "remark");
       caption.replaceChildren(...shown); // first, because it may change the canvas's height
-      drawing.set({ arrow: hasArrow ? state.velocity : null });
-      drawing.draw(state);
+      const arrow = run.full_speed && ui.velocity.checked ? state.velocity : null;
+      drawing.set({ arrow, ringing });
+      const limits = { limit: state.limit / ringing ** power, written: state.limit / full ** power };
+      drawing.draw({ ...state, ...limits });
     }
     curves.draw(at, settings.theme, scene.themes[settings.theme]);
+    throws?.judge(words[1].startsWith("*") ? main.flight.restitution : 0);
     ui.moment.value = place;
-    ui.moment.ariaValueText = runs[0].captions[Math.round(place)].join(", ");
+    ui.moment.ariaValueText = words.filter(Boolean).join(", ");
   }
 
   function change() {
@@ -302,6 +352,15 @@ async function play() {
     document.documentElement.style.setProperty("--velocity", velocity);
     all((one) => one.set({ ...settings, ...checked(ui.options) }));
     show();
+  }
+
+  // Show a throw that the page has computed, from its beginning.
+  function takeThrow(one) {
+    const earlier = panes[0].recording;
+    take([one], earlier);
+    place = 0;
+    change();
+    if (earlier) setPlaying(true);
   }
 
   function arrange() {
@@ -328,7 +387,7 @@ async function play() {
   }
 
   const factor = { unit: "", meaning: "a factor", live: true };
-  const magnification = { low: 1, high: Math.max(20, settings.magnify), ...factor };
+  const magnification = { low: 1, high: Math.max(20, scene.options.magnify), ...factor };
   const specs = [
     { key: "quantity", name: "colours show", options: scene.quantities.map(({ name }) => name) },
     { key: "draw", name: "drawn as", options: ["field", "springs", "both", "points"] },
@@ -346,7 +405,7 @@ async function play() {
     },
     (text) => (ui.refused.textContent = text),
   );
-  document.querySelector("details").open = matchMedia(
+  ui.looking.open = matchMedia(
     "(min-width: 960px) and (min-height: 601px)",
   ).matches;
   ui.silent.remove();
@@ -357,6 +416,10 @@ async function play() {
     ui.line.append(element("button", { style, onclick: () => goTo(moment) }, name));
   }
   ui.options.onchange = change;
+  ui.fold.onclick = () => {
+    ui.graphs.classList.toggle("unfolded");
+    show();
+  };
   ui.moment.oninput = () => goTo(Number(ui.moment.value));
   ui.play.onclick = () => setPlaying(!isPlaying);
   new IntersectionObserver(([entry]) => (isVisible = entry.isIntersecting)).observe(
@@ -364,6 +427,8 @@ async function play() {
   ); // in a frame
   new ResizeObserver(arrange).observe(ui.disks);
   setPlaying(!matchMedia("(prefers-reduced-motion: reduce)").matches);
+  if (head.again) throws = new Throws(ui, head, panes[0].drawing.scene, takeThrow);
+  else take(runs.map((run) => new Recording(run, data, head)));
   change();
   arrange();
   requestAnimationFrame(function next(now) {

@@ -40,13 +40,14 @@ from taichi_disk.render.moments import (
 from taichi_disk.render.recording import Flight, Recording, Scales
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.web.drawing import (
-    DRAWING,
+    FILM,
     bundle,
     colour_values,
     contact_forces,
     scene_message,
     source,
 )
+from taichi_disk.web.throws import throwable
 
 _LEVELS = 32_000  # levels of a displacement on either side of zero
 # levels of a colour on either side of zero, and from zero up
@@ -81,13 +82,16 @@ def write_page(
     states = [Recording(one, times, list(QUANTITIES)) for one in flights]
     names = titles(runs, labels)
     rate = fps * frames / max(wanted, 1)  # cues in a second
-    packed = _packed(states, shots, video, names, rate, progress)
+    again = None
+    if len(runs) == 1 and span == WHOLE:
+        again = throwable(flights[0], video)
+    packed = _packed(states, shots, video, names, rate, again, progress)
     text = Template(source("film.html")).substitute(
         title=escape(" | ".join(title[0] for title in names)),
         origin=escape(film_origin(runs, video)),
         states=b64encode(packed).decode(),
         style=source("style.css") + source("film.css"),
-        script=bundle(*DRAWING, "controls.js", "film.js"),
+        script=bundle(*FILM),
     )
     write_text(path, text)
     progress("render", len(runs), len(runs))
@@ -99,9 +103,13 @@ def _packed(
     video: VideoSection,
     names: Sequence[tuple[str, ...]],
     rate: float,
+    again: dict[str, Any] | None,
     progress: Progress,
 ) -> bytes:
-    """Return the compressed head, in JSON, and the arrays of all runs."""
+    """Return the compressed head, in JSON, and the arrays of all runs.
+
+    `again`: the disk that the page throws itself, instead of recorded states.
+    """
     common = Scales.of(states, video.magnify)
     video = replace(video, magnify=common.magnify)
     shared = {"view": common.view, "full_force": common.full_force}
@@ -109,7 +117,10 @@ def _packed(
     runs = []
     for k, (one, title) in enumerate(zip(states, names, strict=True)):
         progress("render", k, len(states))
-        arrays, facts = _recorded(one, common.limits)
+        arrays: dict[str, Array] = {}
+        facts: dict[str, Any] = {}
+        if not again:
+            arrays, facts = _recorded(one, common.limits)
         places = {}
         for name, array in arrays.items():
             data += bytes(_padding(data))
@@ -121,6 +132,7 @@ def _packed(
                 "scene": scene | shared | {"title": title},
                 "states": len(one.times),
                 "captions": [_words(each) for each in captions(one.run, shots)],
+                "strengths": [1.0] * len(shots),
                 "full_speed": one.full_speed,
                 "arrays": places,
                 **facts,
@@ -138,6 +150,7 @@ def _packed(
         "unit": words.time.split()[-1].strip("[]"),
         "curves": _curves(states),
         "runs": runs,
+        "again": again,
     }
     text = json.dumps(head).encode()
     text += b" " * _padding(text)
@@ -152,13 +165,14 @@ def _padding(data: bytes) -> int:
 
 
 def _words(caption: Caption) -> list[str]:
-    """Return the lines of a caption; `*` marks the result, `+` the motion."""
-    lines = [*caption.lines]
-    if len(lines) > 1:
-        lines[1] = f"+{lines[1]}"
-    lines.append(f"*{caption.result}" if caption.result else caption.note)
-    lines.append("    ".join(caption.pace))
-    return lines
+    """Return the lines of a caption: time, motion (`+`) or result (`*`), …, note, pace
+    and remark."""
+    time, *others = caption.lines
+    motion = [f"+{one}" for one in others[:1]]
+    if caption.result:
+        motion = [f"*{caption.result}"]
+    pace = "    ".join(caption.pace)
+    return [time, *motion, *others[1:], caption.note, pace, ""]
 
 
 def _marks(run: Run, times: Sequence[float]) -> list[list[Any]]:

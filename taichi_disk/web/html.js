@@ -39,6 +39,20 @@ export function remember(name, text) {
   }
 }
 
+// Copy a text; a page that came by plain http and some frames have no clipboard, but can copy a
+// selection.
+export async function copy(text) {
+  try {
+    await navigator.clipboard.writeText(text);
+  } catch {
+    const field = element("textarea", { value: text });
+    document.querySelector("main").append(field);
+    field.select();
+    document.execCommand("copy");
+    field.remove();
+  }
+}
+
 export function download(content, name, type) {
   const link = element("a", {
     download: name,

@@ -3,7 +3,7 @@
 
 export const FONT = "12px system-ui, sans-serif";
 export const ARROW = 0.35; // length of the arrow of the full force [R]
-const FRINGES = 5; // number of fringes in their scale
+export const FRINGES = 5; // number of fringes in their scale
 const RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 
 // Return a number as +5, 0.02 or 2·10⁻⁷.

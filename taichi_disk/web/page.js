@@ -12,12 +12,12 @@ const PATIENCE = 15000; // of hearing nothing, after which the page asks [ms]
 
 let socket;
 let heard = 0; // when the program was heard last [ms]
-let key = recall(KEY);
+const key = recall(KEY) || String(Math.random()).slice(2);
+remember(KEY, key);
 
 const send = (message) =>
   socket.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message));
 const sandbox = (window.sandbox = new Sandbox(document.querySelector(".sandbox"), send));
-sandbox.onkey = (given) => remember(KEY, (key = given));
 
 // A browser does not say why a websocket was not opened, but it shows the answer to a request.
 async function askWhy() {
@@ -55,10 +55,10 @@ function open() {
     heard = performance.now();
     sandbox.receive(data);
   };
-  socket.onclose = ({ reason }) => {
-    if (isOpened) sandbox.lost(reason || undefined);
+  socket.onclose = () => {
+    if (isOpened) sandbox.lost();
     else askWhy();
-    setTimeout(open, reason ? 5000 : 1000);
+    setTimeout(open, 1000);
   };
 }
 open();

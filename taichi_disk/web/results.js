@@ -136,8 +136,7 @@ function markOf(row, colours, axes) {
   const y = clipped(height);
   const style = `left: ${100 * x}%; bottom: ${100 * y}%; ${inks(...colours)}`;
   const title = `${row.result} = ${label(row.value)} at ${label(row.load)}`;
-  const names = [row.disturbance ? "hollow" : "", row.player ? "small" : ""];
-  const properties = { style, title, className: names.join(" ").trim() };
+  const properties = { style, title, className: row.disturbance ? "hollow" : "" };
   if (row.load > axes.last) return element("u", properties, "▸");
   if (row.load < axes.first) return element("u", properties, "◂");
   if (y !== height) return element("u", properties, "▾");
@@ -185,7 +184,6 @@ export function showDiagram(plot, caption, results, { title, range, fitted }) {
 // ---- the table
 
 const COLUMNS = {
-  player: "player",
   result: "result",
   value: "value",
   load: "v [c], P [Mc²/R]",

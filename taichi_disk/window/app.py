@@ -26,8 +26,6 @@ def view(
     host: str,
     port: int,
     open_browser: bool,
-    origin: str,
-    disks: int,
 ) -> None:
     """Serve the sandbox as a page until Ctrl-C.
 
@@ -36,8 +34,6 @@ def view(
             for the list as it is.
         host, port: where to serve the page; 0: a port that is free.
         open_browser: whether to open the page in the user's browser, if there is one.
-        origin: public address of the page behind a reverse proxy, "" for none.
-        disks: most pages that can play.
 
     Raises InputError if the page cannot be served, or if a folder has no scenes.
     """
@@ -46,8 +42,7 @@ def view(
     else:
         playlist = list_presets(scene_or_folder)
     runtime.start()
-    opens = open_browser and has_browser()
-    serve(playlist, host, port, open_browser=opens, origin=origin, disks=disks)
+    serve(playlist, host, port, open_browser=open_browser and has_browser())
 
 
 def list_presets(first: Scene | None) -> list[Preset]:
@@ -56,10 +51,10 @@ def list_presets(first: Scene | None) -> list[Preset]:
     groups = yaml.safe_load(read_text(path))
     entries = []
     for group, rows in groups.items():
-        for scene, change, name, sentence, *pace in rows:
+        for scene, change, name, question, *pace in rows:
             load = partial(load_scene, scene, change.split())
             options = pace[0] if pace else {}
-            entries.append(Preset(name, sentence, load, group, **options))
+            entries.append(Preset(name, question, load, group, **options))
     if first is None:
         return entries
     opened = [entry for entry in entries if entry.load() == first]

@@ -30,32 +30,10 @@ STORE_SPACING = 1.5e-2
 HIT_AGAIN = "hit again"
 DISTURBED = "disturbed"
 PULLED = "pulled"
-# stored states of a timeline, and the memory of those of all timelines; then every
-# second one is dropped
+# stored states of a timeline, and their memory; then every second one is dropped
 MAX_STATES = 1280
 MAX_BYTES = 1.7e9
 MAX_SPACING = 2.0  # largest spacing of stored states, over the usual one
-SHARERS = 4  # timelines above which each stores fewer states
-
-
-class Memory:
-    """The memory that timelines share: each may fill an equal part.
-
-    `sharers`: number of timelines.
-    """
-
-    sharers = 1
-
-    @property
-    def part(self) -> float:
-        """Bytes of one timeline."""
-        return MAX_BYTES / self.sharers
-
-    @property
-    def thinning(self) -> float:
-        """Factor by which stored states are further apart. Storing one takes longer
-        than a few steps, so each of many sharers stores fewer."""
-        return max(1.0, self.sharers / SHARERS)
 
 
 class Segment(Driver):
@@ -85,38 +63,10 @@ class Segment(Driver):
         self.label = label
         self.began = began
         self.hit_began = hit_began
-        self._mouse: tuple[int, tuple[float, float]] | None = None
-        self._hold()
-
-    def _hold(self) -> None:
-        """Remember the simulation as it is for this segment."""
-        self._generation = self.simulation.generation
-        self._load = self.simulation.load
-
-    def _take_back(self) -> None:
-        """Go on from the last valid state, if another sandbox has used the simulation
-        since then."""
-        if self.simulation.generation == self._generation:
-            return
-        if self.simulation.generation > 0:
-            self.simulation.write_again(self._load, self.state)
-        else:  # a larger lattice has taken its place
-            self.simulation = self._simulation()
-            self.simulation.restore(self.state)
-        if self._mouse:
-            self.simulation.set_mouse_target(*self._mouse)
-            # the state contains the pull
-            self.simulation.restore(self.state)
-        self._hold()
-
-    def let_go(self) -> None:
-        """Forget what only a segment that moves needs."""
-        del self._load
 
     def advance(self, seconds: float = inf, steps: int | None = None) -> Status:
         """Advance as a `Driver` does; the disk still moves after the end, and the
         status stays "finished"."""
-        self._take_back()
         self.can_end = self.end is None and self.label != PULLED
         if self.status == "finished":
             self.status = "running"
@@ -153,7 +103,6 @@ class Segment(Driver):
         snapshot = checkpoint.snapshot
         self.simulation = self._simulation()
         self.simulation.restore(snapshot)
-        self._hold()
         self.count = 1 + snapshot.step // self.stride
         inside = within(self.rows[1:], self.bounds)
         last_inside = int(np.argmin(np.append(inside[::-1], False)))
@@ -168,8 +117,6 @@ class Segment(Driver):
 
     def pull(self, point: int, target: tuple[float, float]) -> None:
         """Tie a point to the mouse at `target` [R] from now on."""
-        self._take_back()
-        self._mouse = point, target
         jump = self.simulation.set_mouse_target(point, target)
         self.row = self.row.copy()
         self.row[INDEX["load"]] += jump
@@ -227,8 +174,8 @@ class Start(NamedTuple):
 
 
 def start_of(scene: Scene, body: Lattice | None = None) -> Start:
-    """Compute how a scene starts, with a given unloaded lattice or its own. Another
-    thread may do this, because no kernel is launched. Raises TaichiDiskError."""
+    """Compute how a scene starts, with a given unloaded lattice or its own. Raises
+    TaichiDiskError."""
     scene = scene.in_time()
     if body is None:
         body = body_of(scene)
@@ -256,9 +203,8 @@ class Timeline:
             state reached before the scene began again with a shorter step.
     """
 
-    def __init__(self, start: Start, kernels: KernelCache, memory: Memory) -> None:
+    def __init__(self, start: Start, kernels: KernelCache) -> None:
         """Begin at t = 0. Raises TaichiDiskError if the scene cannot be computed."""
-        self._memory = memory
         self.start = start
         self.checkpoints: list[Checkpoint] = []
         self.spacing = STORE_SPACING * start.scenario.model.springs.time_unit
@@ -327,8 +273,7 @@ class Timeline:
     @property
     def _spacing(self) -> float:
         """Time between two stored states now [R/c]."""
-        spacing = self.spacing * self._memory.thinning
-        return max(spacing, self.segment.step.dt)
+        return max(self.spacing, self.segment.step.dt)
 
     def go(self, steps: int, seconds: float) -> int:
         """Make at most `steps` steps, within about `seconds` of the clock and up to the
@@ -375,9 +320,8 @@ class Timeline:
             return
         now = self.segment.present
         self.checkpoints.append(now)
-        most = min(MAX_STATES, self._memory.part / now.snapshot.vectors.nbytes)
-        # the part may have become smaller
-        while len(self.checkpoints) >= max(most, 3.0):
+        most = min(MAX_STATES, MAX_BYTES / now.snapshot.vectors.nbytes)
+        if len(self.checkpoints) >= max(most, 3.0):
             self.checkpoints = self.checkpoints[::2]
             self.spacing = (self.checkpoints[-1].t - self.checkpoints[0].t) / (
                 len(self.checkpoints) - 1

@@ -4,7 +4,6 @@ and goes back in time."""
 from __future__ import annotations
 
 from collections import namedtuple
-from collections.abc import Callable
 from dataclasses import replace
 from math import ceil, exp, inf
 from time import perf_counter
@@ -12,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from taichi_disk.computation.diagnostics import warnings
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.scenes import Scene
 from taichi_disk.simulation.observables import INDEX
@@ -21,7 +21,6 @@ from taichi_disk.window.history import (
     DISTURBED,
     HIT_AGAIN,
     PULLED,
-    Memory,
     Segment,
     Start,
     Timeline,
@@ -49,9 +48,6 @@ MAX_RESULTS = 200  # most rows of the table of results
 # simulated time per second of the clock while a curve is collected [R/c per s]
 COLLECTING_PACE = 50.0
 COLLECTING_SPACING = 20.0  # factor by which stored states are further apart then
-
-
-StartOf = Callable[[Scene, Lattice | None], Start]  # as `start_of`
 
 
 def load_key(scene: Scene) -> str:
@@ -148,6 +144,7 @@ class Sandbox:
         slow: whether contacts pass in slow motion.
         paused: whether `advance` lets no time pass.
         message: the last event, for the user.
+        answer: one sentence on the last experiment that came to its end.
         results: the last experiments that came to their end, the newest last.
         remaining_loads: loads for which a curve still needs results, the next one
             first: see `collect`.
@@ -157,6 +154,7 @@ class Sandbox:
     """
 
     starts = 0
+    answer = ""
     speed = 1.0
     slow = False
     _clock = 0.0
@@ -167,19 +165,12 @@ class Sandbox:
         self,
         scene: Scene,
         kernels: KernelCache,
-        memory: Memory | None = None,
-        report: Callable[[Experiment], None] | None = None,
-        start_of: StartOf = start_of,
     ) -> None:
-        """Begin with `scene`. `report` is called with each undisturbed experiment that
-        has come to its end. `start_of` computes how a scene starts. Raises
-        TaichiDiskError."""
+        """Begin with `scene`. Raises TaichiDiskError."""
         self.kernels = kernels
-        self._memory = memory or Memory()
-        self._report = report
-        self._start_of = start_of
         self.scene = scene
         self.results: list[Experiment] = []
+        self._warnings: list[str] = []
         self.begin()
 
     def begin(self, scene: Scene | None = None) -> None:
@@ -189,7 +180,7 @@ class Sandbox:
         Raises TaichiDiskError, and then leaves everything as it was.
         """
         scene = scene or self.scene
-        self.time = Timeline(self._start(scene), self.kernels, self._memory)
+        self.time = Timeline(self._start(scene), self.kernels)
         self.scene = replace(self.time.start.scenario.scene, video=scene.video)
         self.starts = self.starts + 1
         self.paused = True
@@ -204,7 +195,7 @@ class Sandbox:
         """Return how a scene starts, with a given lattice or its own."""
         if self.starts and self.time.start.is_of(scene):
             return self.time.start
-        return self._start_of(scene, body)
+        return start_of(scene, body)
 
     # ---- the present state
 
@@ -230,9 +221,14 @@ class Sandbox:
 
     @property
     def warnings(self) -> list[str]:
-        """The notes that `run` would print with the result of this scene."""
-        lattice = self.time.segment.scenario.lattice
-        return [*lattice.notes, *self.scene.notes(lattice.disk_points)]
+        """The notes that `run` would print with this scene and, at its end, the
+        warnings."""
+        segment = self.time.segment
+        lattice = segment.scenario.lattice
+        notes = [*lattice.notes, *self.scene.notes(lattice.disk_points)]
+        if segment.status == "finished":
+            notes += self._warnings
+        return notes
 
     @property
     def _slowing(self) -> float:
@@ -247,12 +243,11 @@ class Sandbox:
 
     # ---- time
 
-    def tick(self, max_seconds: float) -> None:
-        """Let the time since the last tick pass, at most MAX_PASSED, and compute for
-        about `max_seconds`."""
+    def tick(self) -> None:
+        """Let the time since the last tick pass, at most MAX_PASSED."""
         before = self._clock
         self._clock = perf_counter()
-        self.advance(min(self._clock - before, MAX_PASSED), max_seconds)
+        self.advance(min(self._clock - before, MAX_PASSED))
 
     def advance(self, seconds: float, max_seconds: float = MAX_COMPUTING_TIME) -> int:
         """Let `seconds` of the clock pass and return the number of steps made.
@@ -304,19 +299,17 @@ class Sandbox:
     def _finish(self, segment: Segment) -> None:
         """Enter the result into the table, and begin the next experiment of a curve
         that is being collected."""
-        words = segment.scenario.words
+        columns = segment.columns
         experiment = experiment_of(segment)
         self.results = [*self.results, experiment][-MAX_RESULTS:]
-        if self._report and not segment.label:
-            self._report(experiment)
         self.paused = not self.remaining_loads
-        digits = printed(experiment.result, experiment.value)
-        name, _ = segment.scenario.primary(segment.columns)
-        _, unit = words.labels[name]
-        text = f"{words.end}: {experiment.result} = {digits} {unit}".rstrip()
-        self.message = text
-        if segment.label:
-            self.message = f"{text}, {segment.label}"
+        self.message = ""
+        self._warnings = warnings(segment.scenario, columns)
+        if segment.label == DISTURBED:  # a part of the energies may lie before
+            digits = printed(experiment.result, experiment.value)
+            self.answer = f"You have disturbed it: {experiment.result} = {digits}."
+        else:
+            self.answer = segment.scenario.conclusion(columns)
 
     def _collect_next(self) -> None:
         loads = self.remaining_loads[1:]

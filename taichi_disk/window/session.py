@@ -1,5 +1,5 @@
-"""A sandbox behind its page: it carries out their commands between two states and
-packs the messages they show.
+"""A sandbox behind its page: it carries out the page's commands between two states and
+packs the messages that the page shows.
 
 A page draws the last state and the last text of each kind, so a slow page misses states
 and nothing else.
@@ -7,21 +7,16 @@ and nothing else.
 
 from __future__ import annotations
 
+import asyncio
 import json
 import struct
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future
-from contextlib import suppress
+from collections.abc import Callable
+from functools import cache
 from typing import Any
-from unicodedata import category, normalize
 
 import numpy as np
 
-from taichi_disk import engine, runtime
-from taichi_disk.errors import TaichiDiskError
 from taichi_disk.fields import Triangles
-from taichi_disk.lattice import Lattice
-from taichi_disk.scenes import Scene
 from taichi_disk.simulation.observables import INDEX
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import colour_values, contact_forces, scene_message
@@ -33,33 +28,23 @@ from taichi_disk.window.controls import (
     Preset,
     described,
     values_of,
-    with_own_seed,
 )
 from taichi_disk.window.graphs import CURVES, Graphs, ScaleMaxima
-from taichi_disk.window.history import Memory, Start, start_of
-from taichi_disk.window.sandbox import (
-    MAX_COMPUTING_TIME,
-    Experiment,
-    Sandbox,
-    load_key,
-    printed,
-    value_of,
-)
+from taichi_disk.window.sandbox import Sandbox, load_key, printed, value_of
 
 MAX_BYTES = 2**10  # limit of a page's message
 MAX_NUMBER = 1e7  # limit of a number in it
 # most commands that wait for the next picture; of some, only the latest counts
 _MAX_PENDING = 64
 # A page's commands and their values, by the part of `Session` that has a method of the
-# same name. Those of the audience tell it that the page has drawn a state, asks whether
-# the program is there, or wants a film.
+# same name. Those of the page itself tell that it has drawn a state, ask whether the
+# program is there, or want a film.
 _METHODS = {
     "controls": "press key, play number, set key value, collect",
     "sandbox": "scrub t, turn angle final, aim dx dy, throw, pull x y, release, clear,"
     " remove number",
     "scales": "rescale",
-    "session": "rename text, wipe",
-    "audience": "seen number, alive, film",
+    "page": "seen number, alive, film",
 }
 _COMMANDS = {
     do: (part, values)
@@ -68,19 +53,10 @@ _COMMANDS = {
 }
 # commands of which only the latest counts
 _REPLACED = ("set", "scrub", "turn", "aim", "pull")
-MAX_NAME = 12  # letters of a name
-MAX_BOARD = 2000  # most rows of the class's board
 # points; a larger lattice takes longer to build than a picture may take
 LARGE_LATTICE = 5000
-# keys for which other kernels are compiled: implicit dashpots, or none, many points
-KIND_CHANGES: tuple[dict[str, float], ...] = (
-    {"lattice.points": LARGE_LATTICE},
-    {"material.eta_star": 0.0},
-    {"material.eta_star": 100.0},
-)
 HEADER = struct.Struct("<IdIIiI2f")  # see `Session._state`
 PAST_HINT = "earlier state: Go on continues from here"
-AIM_HINT = "drag the disk to turn it, or from beside it to aim"
 
 
 def read_command(text: Any) -> dict[str, Any] | None:
@@ -90,7 +66,7 @@ def read_command(text: Any) -> dict[str, Any] | None:
         content = json.loads(text)
         message = {name: content[name] for name in ("do", *_COMMANDS[content["do"]][1])}
         key = message.get("key")
-        words = ["do", "key", "text"]
+        words = ["do", "key"]
         if key in CHOICES:
             words.append("value")
         is_valid = key in (*RANGES, *CHOICES) or message["do"] != "set"
@@ -104,59 +80,6 @@ def read_command(text: Any) -> dict[str, Any] | None:
         return None
 
 
-class Common:
-    """What all sessions have in common.
-
-    Attributes:
-        playlist, first: the scenes, and the one with which a session begins.
-        cards: what a page's list shows of each scene.
-        kernels, memory: shared by their sandboxes.
-        address: at which others can join, "" if they cannot.
-        code: picture of its QR code.
-        board: the undisturbed experiments of all sessions, the newest last, each with
-            number and name of its disk; the first MAX_BOARD of them.
-    """
-
-    def __init__(
-        self, playlist: list[Preset], kernels: KernelCache, address: str = ""
-    ) -> None:
-        """Raises TaichiDiskError if a scene of the program's cannot be read."""
-        self.address = address
-        self.code = ""
-        if address:
-            import segno  # an import that few need
-
-            self.code = segno.make(address, error="l", micro=False).svg_data_uri()
-        self.playlist = playlist
-        self.first = playlist[0].load()
-        self.cards = [_card(entry) for entry in playlist]
-        self.kernels = kernels
-        self.memory = Memory()
-        self.board: list[dict[str, Any]] = []
-
-    def kinds(self) -> Iterator[Scene]:
-        """Yield scenes that together need the kernels of the program's list; for many
-        players also those to which they come by sliders."""
-        scenes = [entry.load() for entry in self.playlist if entry.group]
-        yield from scenes
-        if not self.address:
-            return
-        for scene in scenes:
-            for change in KIND_CHANGES:
-                yield scene.with_(change)
-
-    def report(self, disk: int, player: str, experiment: Experiment) -> None:
-        """Enter an experiment with a disk into the board."""
-        if len(self.board) < MAX_BOARD:
-            row = {"disk": disk, "player": player}
-            self.board.append(row | experiment._asdict())
-
-
-class Later(BaseException):
-    """How a scene starts is still being computed by another thread. No command may
-    catch this: it is carried out once more when the thread has ended."""
-
-
 class Session:
     """One sandbox. `ti.init` must have been called; neither a display nor Vulkan is
     needed.
@@ -167,35 +90,18 @@ class Session:
         messages: the present messages by their kinds: the JSON texts "hello", "scene",
             "graphs", "panel" and "yaml", and the binary "state".
         number: of the last state.
-        disk, name: number of this session, and name that its user has chosen, or "".
+        news: set when something may have to be computed or shown.
     """
 
-    def __init__(
-        self, common: Common, disk: int = 1, builder: Executor | None = None
-    ) -> None:
-        """Begin with the first scene of the list. `builder`: computes how further
-        scenes start, so that other sessions need not wait; None: nobody else waits.
-        Raises TaichiDiskError if the scene cannot be built."""
-        self._program = engine.program()
-        self._common = common
-        self._builder: Executor | None = None
-        # scene and lattice of which the start is being computed, and the result
-        self._awaited: tuple[Scene, Lattice | None, Future[Start]] | None = None
-        self._command: tuple[Any, ...] = ()  # that waits for it
-        self.disk = disk
-        self.name = ""
-        self.sandbox = Sandbox(
-            scene=with_own_seed(common.first, disk),
-            kernels=common.kernels,
-            memory=common.memory,
-            report=self._report,
-            start_of=self._start_of,
-        )
-        self._builder = builder
-        self.controls = Controls(self.sandbox, common.playlist, disk)
+    def __init__(self, playlist: list[Preset], kernels: KernelCache) -> None:
+        """Begin with the first scene of the list. Raises TaichiDiskError if the scene
+        cannot be built."""
+        self.sandbox = Sandbox(playlist[0].load(), kernels)
+        self.controls = Controls(self.sandbox, playlist)
         self.graphs = Graphs(self.sandbox)
         self.scales = ScaleMaxima(self.sandbox)
         self.number = 0
+        self.news = asyncio.Event()
         self._command_count = 0
         self._pending: dict[Any, dict[str, Any]] = {}
         # what the last text of a kind depends on
@@ -203,12 +109,10 @@ class Session:
         self.messages: dict[str, Any] = {}
         hello = {
             "columns": [*INDEX],
-            "playlist": common.cards,
+            "playlist": [_card(entry) for entry in playlist],
             "curves": CURVES,
             "keys": self.controls.reference,
             "repeating": REPEATING_KEYS,
-            "address": common.address,
-            "code": common.code,
         }
         self._write("hello", 0, lambda: hello)
         self.advance()
@@ -227,31 +131,6 @@ class Session:
         if len(self._pending) < _MAX_PENDING:
             self._pending[key] = message
 
-    def rename(self, text: str) -> None:
-        """Take a name for the class's board: at most MAX_NAME letters, no digits, so
-        that it cannot be that of another disk."""
-        letters = [one for one in normalize("NFKC", text) if _is_of_name(one)]
-        self.name = "".join(letters)[:MAX_NAME].strip(" -'")
-
-    def wipe(self) -> None:
-        """Empty the class's board and the own table, for the next class. Only the first
-        page can, which is the teacher's."""
-        if self.disk == 1:
-            self._common.board = []
-            self.sandbox.clear()
-
-    def _report(self, experiment: Experiment) -> None:
-        self._common.report(self.disk, self.name or f"disk {self.disk}", experiment)
-
-    def release(self) -> None:
-        """Let go of the disk with the next picture, because its page has left."""
-        self._pending = {"release": {"do": "release"}}
-
-    def pause(self) -> None:
-        """Pause, because nobody is there."""
-        if not self.sandbox.paused:
-            self.sandbox.pause()
-
     # ---- pictures
 
     @property
@@ -261,24 +140,20 @@ class Session:
         sandbox = self.sandbox
         return bool(
             self._pending
-            or self._command
             or sandbox.grip
             or sandbox.time.lead > 0.0
             or not sandbox.paused
         )
 
-    def advance(self, max_seconds: float = MAX_COMPUTING_TIME) -> None:
+    def advance(self) -> None:
         """Carry out the commands, let the time since the last picture pass, and write
-        the next picture's messages; compute for about `max_seconds`.
+        the next picture's messages.
 
         If that fails, the scene begins anew, and its message says why.
         """
         try:
-            if engine.program() is not self._program:
-                raise TaichiDiskError("ti.init or ti.reset has ended the simulation")
             self._carry_out_commands()
-            with suppress(Later):
-                self.sandbox.tick(max_seconds)
+            self.sandbox.tick()
             self._write_messages()
         except Exception as error:
             self._begin_anew(described(error))
@@ -288,54 +163,27 @@ class Session:
         """Show a message to the user."""
         self.sandbox.message = message
         self._write_messages()
+        self.news.set()
 
     def _carry_out_commands(self) -> None:
-        while self._command or self._pending:
-            if not self._command:
-                first = next(iter(self._pending))
-                self._command = tuple(self._pending.pop(first).values())
-            try:
-                self.controls.attempt(self._carry_out, *self._command)
-            except Later:
-                return
-            self._command = ()
-
-    def _start_of(self, scene: Scene, body: Lattice | None = None) -> Start:
-        """Return how a scene starts, or raise Later until the builder knows it."""
-        if self._builder is None:
-            return start_of(scene, body)
-        known = self._awaited
-        if known is None or known[0] != scene or known[1] is not body:
-            result = self._builder.submit(start_of, scene, body)
-            self._awaited = scene, body, result
-            raise Later
-        if not known[2].done():
-            raise Later
-        self._awaited = None
-        return known[2].result()
+        while self._pending:
+            first = next(iter(self._pending))
+            self.controls.attempt(self._carry_out, *self._pending.pop(first).values())
 
     def _carry_out(self, kind: str, *values: Any) -> None:
-        name, _ = _COMMANDS[kind]
-        part = self if name == "session" else getattr(self, name)
-        getattr(part, kind)(*values)
+        part, _ = _COMMANDS[kind]
+        getattr(getattr(self, part), kind)(*values)
 
     def _begin_anew(self, reason: str) -> None:
-        """Begin the present scene, with kernels of the present engine."""
+        """Begin the present scene."""
         sandbox = self.sandbox
-        builder = self._builder
-        self._builder = None  # the start is needed now
         self._pending = {}
-        self._command = ()
         try:
-            runtime.start()
             sandbox.begin()
-            self._program = engine.program()
             sandbox.message = f"{reason}; the disk is at the start again"
         except Exception as error:
             sandbox.paused = True
             sandbox.message = f"{reason}: {described(error)}"
-        finally:
-            self._builder = builder
 
     def _write_messages(self) -> None:
         self.number += 1
@@ -427,32 +275,41 @@ class Session:
         return header + floats.tobytes() + self._caption(t).encode()
 
     def _caption(self, t: float) -> str:
-        """Return the lines of the read-out; a result, at its end, begins with *."""
+        """Return the lines of the read-out: at first the time, at the end the result,
+        which begins with *."""
         time = self.sandbox.time
         scenario = time.display.segment.scenario
-        lines = [*scenario.caption(time.display.values | {"t": t})]
+        clock, *motion = scenario.caption(time.display.values | {"t": t})
+        if self.sandbox.at_start:
+            motion = []
         if time.segment.status == "finished" and time.lead == 0.0:
             _, result = scenario.primary(time.segment.columns)
             symbol = scenario.words.symbol
-            lines.append(f"*{symbol} = {printed(symbol, result)}")
-        return "\n".join(lines)
+            motion = [f"*{symbol} = {printed(symbol, result)}"]
+        magnify = self.controls.value("video.magnify")
+        if magnify > 1.0:
+            clock = f"{clock}, displacements × {magnify:g}"
+        return "\n".join([clock, *motion])
 
     def _panel(self) -> dict[str, Any]:
         sandbox = self.sandbox
         controls = self.controls
         entry = controls.playlist[controls.number]
+        words = sandbox.time.display.segment.scenario.words
         return {
             "message": sandbox.message or self.scales.note,
+            "refusals": controls.refusals,
             "status": sandbox.status,
             "warnings": sandbox.warnings,
             "paused": sandbox.paused,
             "slow": sandbox.slow,
             "aimed": sandbox.drawn_throw,
             "name": entry.name,
-            "sentence": entry.sentence,
+            "question": entry.question,
+            "answer": sandbox.answer,
             "number": controls.number,
-            "title": [*sandbox.time.display.segment.scenario.words.title],
-            "hint": self._hint(),
+            "title": [entry.name, *words.title[1:]],
+            "hint": PAST_HINT if sandbox.time.lead < 0.0 else "",
             "atStart": sandbox.at_start,
             "sliders": self._sliders(),
             "choices": self._choices(),
@@ -475,13 +332,6 @@ class Session:
         """Return the ends of the slider of the speed or load."""
         usual = RANGES[load_key(self.sandbox.scene)]
         return usual.low, usual.high
-
-    def _hint(self) -> str:
-        if self.sandbox.time.lead < 0.0:
-            return PAST_HINT
-        if self.sandbox.can_aim:
-            return AIM_HINT
-        return ""
 
     def _sliders(self) -> list[dict[str, Any]]:
         """Return the sliders of the scene.
@@ -511,17 +361,13 @@ class Session:
         return choices
 
 
-def _is_of_name(letter: str) -> bool:
-    """Whether a name may contain it: letters of any script with their marks."""
-    return category(letter)[0] in "LM" or letter in " -'"
-
-
+@cache
 def _card(entry: Preset) -> dict[str, Any]:
     """Return what the page's list shows of a scene; the numbers of its first state, for
     a small picture, only if the scene is one of the program's."""
     card: dict[str, Any] = {
         "name": entry.name,
-        "sentence": entry.sentence,
+        "question": entry.question,
         "group": entry.group,
     }
     if entry.group:

@@ -22,7 +22,6 @@ from taichi_disk.scenes import load_scene
 
 SMALL = ("lattice.points=60", "material.eta_star=0")
 WILD = (*SMALL, "time.dt=0.22")  # 1.5 times the limit
-RUN = {"scene.yaml", "lattice.npz", "summary.json", "timeseries.csv", "final.npz"}
 
 
 def arguments(out: Path, *settings: str, scene: str = "exponential_wall") -> list[str]:
@@ -39,21 +38,6 @@ def leave(words: list[str]) -> int:
 
 def names(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir()}
-
-
-def test_a_run_prints_its_result_and_leaves_its_files(tmp_path, capsys):
-    assert main(arguments(tmp_path / "o", *SMALL)) == 0
-    text = capsys.readouterr().out
-    lines = {line.split("  ")[0]: line for line in text.splitlines()}
-    summary = summary_in(tmp_path / "o")
-    assert names(tmp_path / "o") == {*RUN, "plot.png"}
-    shown, _, rest = lines["restitution e"].split(maxsplit=2)[2].partition(" ± ")
-    half_width = float(rest.split()[0])
-    assert float(shown) == pytest.approx(summary["restitution"], abs=half_width)
-    assert f"{summary['steps']:,}" in lines["steps"]
-    assert "takahashi_imada" in lines["steps"]
-    assert summary["status"] == "done"
-    assert summary["error_estimate"]["restitution"] > 0.0
 
 
 @pytest.mark.validate
@@ -132,48 +116,37 @@ def test_numbers_are_printed_although_the_run_cannot_be_moved(
     out, err = capsys.readouterr()
     assert out.startswith("restitution e ")
     assert "error: cannot move the run into" in err
-    folder = Path(out.rpartition("files in ")[2].strip())
+    folder = Path(out.rpartition("files in ")[2].splitlines()[0])
     assert {"summary.json", "final.npz"} <= names(folder)
 
 
-def test_a_forced_blow_up_is_reported_and_the_last_good_state_saved(tmp_path, capsys):
-    out = tmp_path / "o"
-    assert main([*arguments(out, *WILD), "--force"]) == 1
-    message = capsys.readouterr().err
-    assert "blow-up" in message
-    assert "stability limit" in message
-    assert names(out) == {"scene.yaml", "lattice.npz", "summary.json", "failure.npz"}
-    summary = summary_in(out)
-    assert summary["status"] == "failed"
-    assert "blow-up" in summary["reason"]
-    assert "restitution" not in summary
-    last = np.load(out / "failure.npz")
-    for name in ("positions", "velocities"):
-        assert last[name].shape == (60, 2)
-        assert np.isfinite(last[name]).all()
+FAILURES = {
+    "blow-up": ("exponential_wall", *WILD),
+    "max_time": ("exponential_wall", "lattice.points=60", "impact.max_time=1.0"),
+    "newton": ("compression", "lattice.points=60", "compression.max_time=5"),
+}
 
 
 @pytest.mark.parametrize(
-    ("scene", "setting", "advice"),
-    [
-        ("exponential_wall", "impact.max_time=1.0", "max_time"),
-        pytest.param(
-            "compression",
-            "compression.max_time=5",
-            "newton",
-            marks=pytest.mark.validate,
-        ),
-    ],
+    "word", ["blow-up", "max_time", pytest.param("newton", marks=pytest.mark.validate)]
 )
-def test_a_scene_that_does_not_end_is_a_failure_with_advice(
-    tmp_path, capsys, scene, setting, advice
-):
-    settings = ("lattice.points=60", setting)
-    assert main(arguments(tmp_path / "o", *settings, scene=scene)) == 1
-    assert advice in capsys.readouterr().err
-    summary = summary_in(tmp_path / "o")
+def test_a_scene_that_does_not_end_is_a_failure_with_a_reason(tmp_path, capsys, word):
+    out = tmp_path / "o"
+    scene, *settings = FAILURES[word]
+    assert main([*arguments(out, *settings, scene=scene), "--force"]) == 1
+    assert word in capsys.readouterr().err
+    summary = summary_in(out)
     assert summary["status"] == "failed"
-    assert advice in summary["reason"]
+    assert word in summary["reason"]
+    assert not {"restitution", "xi"} & set(summary)
+    if word != "blow-up":
+        return
+    assert "stability limit" in summary["reason"]
+    assert names(out) == {"scene.yaml", "lattice.npz", "summary.json", "failure.npz"}
+    last = np.load(out / "failure.npz")  # the last good state
+    for name in ("positions", "velocities"):
+        assert last[name].shape == (60, 2)
+        assert np.isfinite(last[name]).all()
 
 
 NO_MEMORY = (
@@ -238,7 +211,6 @@ def test_check_refuses_what_run_refuses_and_in_the_same_words(
         (["jump"], "usage: taichi-disk"),
         (["run"], "usage: taichi-disk"),
         (["run", "a", "--threads", "0"], "whole number from 1"),
-        (["run", "a", "--threads", "100000"], "whole number from 1"),
         (["run", "wall", "--eta", "30"], "--set material.eta_star=30"),
         (["run", "wall", "--set", "wall.a", "=", "30"], "--set material.eta_star=30"),
         (["run", "wall", "--out", "~no-such-user/x"], "there is no user of this name"),
@@ -277,6 +249,9 @@ for words in ["--help"], *checks:
     slow = SLOW & set(sys.modules)
     if slow or words == ["--help"] and "numpy" in sys.modules:
         sys.exit(f"{words} loaded {slow or 'numpy'}")
+import taichi_disk.render.palette  # names and colours of curves
+if "matplotlib" in sys.modules:
+    sys.exit("the colours of pictures loaded Matplotlib")
 """
     done = python("-c", code)
     assert done.returncode == 0, done.stderr
@@ -332,6 +307,7 @@ def test_labels_may_be_words_of_one_option_or_options_of_their_own(monkeypatch):
         {"HOME": None, "MPLBACKEND": "bogus"},
         {"PYTHONWARNINGS": "error"},
         {"HOME": "/proc/no/home"},
+        {"HOME": os.environ["HOME"], "TI_OFFLINE_CACHE_FILE_PATH": "/dev/null/x"},
     ],
 )
 @pytest.mark.validate
@@ -350,7 +326,7 @@ def test_in_a_strange_environment_a_run_is_the_same_and_its_wall_clock_adds_up(
     assert done.returncode == 0, done.stderr
     notes = done.stderr.splitlines()
     assert len(notes) == ("HOME" in environment)
-    assert all("note: no writable home" in line for line in notes)
+    assert all("can use this run's compiled kernels" in line for line in notes)
     assert not list((tmp_path / "t").iterdir())  # no kernels that nobody finds
     path = tmp_path / "o" / "summary.json"
     summary = json.loads(path.read_text())

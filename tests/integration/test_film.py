@@ -8,6 +8,7 @@ import os
 import re
 import resource
 import shutil
+import signal
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -25,13 +26,17 @@ from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.computation.outcome import compute
 from taichi_disk.engine import internals
 from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
+from taichi_disk.fields import Triangles, at_points
 from taichi_disk.progress import silent
 from taichi_disk.render import film_problem, shaders
+from taichi_disk.render.artist import drawing_process
 from taichi_disk.render.film import draw_film
 from taichi_disk.render.moments import (
+    Cue,
     Span,
     captions,
     contact_of,
+    ringing,
     still_cue,
     time_of,
     titles,
@@ -69,6 +74,13 @@ def run():
     return replace(outcome, replay=stored, frames=stored)
 
 
+@pytest.fixture(scope="module")
+def artist():
+    """Return an artist with a second process."""
+    with drawing_process(True) as artist:
+        yield artist
+
+
 def computed(kind, *settings, **options):
     """Return the run of a shipped scene with some settings."""
     return api.run(load_scene(kind, settings), lattices=1, **options)
@@ -87,9 +99,9 @@ def video_of(keys):
     return load_scene("exponential_wall", settings).video
 
 
-def film(path, runs, *more, progress=silent, **keys):
+def film(path, runs, *more, progress=silent, artist=None, **keys):
     """Film runs into `path`; `keys` of the section video, `more`: span and labels."""
-    draw_film(path, runs, video_of(keys), progress, *more)
+    draw_film(path, runs, video_of(keys), progress, *more, artist=artist)
     return path
 
 
@@ -135,7 +147,7 @@ def digests(folder):
     "suffix", [".mp4", pytest.param(".webm", marks=pytest.mark.validate), ".gif", ""]
 )
 def test_a_film_has_the_pictures_asked_for_and_the_same_bytes_and_is_whole_or_as_before(
-    run, tmp_path, suffix
+    run, artist, tmp_path, suffix
 ):
     path = tmp_path / f"film{suffix}"
     calls = []
@@ -152,7 +164,7 @@ def test_a_film_has_the_pictures_asked_for_and_the_same_bytes_and_is_whole_or_as
         film(path, [run], progress=impatient, theme="dark")
     assert digests(tmp_path) == first
     # replaces the existing film, after a failure with an open window
-    film(path, [run])
+    film(path, [run], artist=artist)
     assert digests(tmp_path) == first
     if suffix:
         pictures = np.array([frame[..., :3] for frame in iio.imiter(path)])
@@ -189,15 +201,14 @@ def test_a_gif_is_small_unless_its_size_is_given_and_as_fast_as_browsers_show(
 
 ENCODE = """
 import sys, numpy as np
-from functools import partial
 from pathlib import Path
 from taichi_disk.render.video import video
 path, (rows, columns) = Path(sys.argv[1]), np.mgrid[:240, :240]
-with video(path, path.suffix, (240, 240), 10, "") as write:
+with video(path, path.suffix, (240, 240), 10, "") as append:
     for k in range(10):
         phase = 0.002 * (rows - 4 * k) ** 2 + 0.01 * columns * np.cos(k)
         grey = 128 + 100 * np.sin(phase)
-        write(partial(np.stack, [grey.astype(np.uint8)] * 4, axis=2))
+        append(np.stack([grey.astype(np.uint8)] * 4, axis=2), True)
 """
 LONG = [
     pytest.param(suffix, marks=pytest.mark.validate) for suffix in (".webm", ".gif")
@@ -274,9 +285,52 @@ def test_the_film_holds_at_the_greatest_compression_and_ends_with_the_result(
     assert not is_slow[2]
     assert not is_slow[-2]
     assert 0.5 < np.mean(is_slow) < 0.95
-    factor = re.fullmatch("slow motion, ([0-9]+) times", moving[middle][1][1])
+    factor = re.fullmatch("slowed ([0-9]+) times", moving[middle][1][1])
     assert float(factor[1]) == pytest.approx(pace.max() / pace.min(), rel=0.2)
     assert pace.max() > 4.0 * pace.min()
+
+
+@pytest.mark.parametrize("eta_star", [0, 5])
+@pytest.mark.parametrize("speed", [0.05, 0.1])
+def test_the_ringing_is_shown_about_half_as_strong_as_the_greatest_compression(
+    speed, eta_star
+):
+    scene = load_scene("exponential_wall", ["lattice.points=150"])
+    run = api.run(scene.with_(velocity=speed, eta_star=eta_star), lattices=1)
+    lattice = run.lattice
+    triangles = Triangles(lattice)
+
+    def shear(t):
+        (state,) = run.frames([t])
+        values = at_points("shear", triangles, run.scenario.model.springs, *state[1:])
+        return np.percentile(values, 98)
+
+    _, end = contact_of(run)
+    later = max(shear(t) for t in np.linspace(end + 0.5, end + 6.0, 12))
+    part = ringing(run) * later / shear(greatest_compression(run.series))
+    assert 0.3 < part < 1.0
+
+
+def test_a_ringing_grows_after_the_contact_and_the_picture_says_so(run):
+    _, end = contact_of(run)
+    cues = [Cue(t) for t in (0.0, end - 0.1, *np.linspace(end, end + 2.0, 9))]
+    found = captions(run, cues, stronger=4.0, ease=6.0)
+    factors = [one.ringing for one in found]
+    assert factors[:2] == [1.0, 1.0]
+    assert (np.diff(factors[1:8]) > 0.0).all()
+    assert factors[7:] == pytest.approx([4.0] * 4)
+    said = ["shown 4 times stronger" in one.remarks for one in found]
+    assert said == [False] * 2 + [True] * 9
+    assert all(not one.remarks for one in captions(run, cues))
+
+
+def test_no_ringing_is_shown_where_there_is_none():
+    for kind, *settings in (
+        ("compression", *PRESSED),
+        ("exponential_wall", "lattice.points=60", "material.eta_star=300"),
+        ("absorbing_wall", "lattice.points=60", "wall.points=60", "wall.width=3"),
+    ):
+        assert ringing(computed(kind, *settings)) == 1.0
 
 
 @pytest.mark.parametrize(
@@ -359,6 +413,7 @@ def test_a_compression_begins_with_no_minus_and_the_whole_disk_on_a_soft_wall():
     [
         (".mp4", 0),
         (".mp4", 3000),
+        (".mp4", 3001),  # of a second process
         (".gif", 3000),
         ("", 3000),
         pytest.param(".webm", 3000, marks=pytest.mark.validate),
@@ -371,11 +426,45 @@ def test_a_full_file_system_is_reported_and_leaves_no_film(run, tmp_path, suffix
     path = tmp_path / f"film{suffix}"
     resource.setrlimit(resource.RLIMIT_FSIZE, (room, most))
     try:
-        with pytest.raises(SimulationError, match=f"cannot write {path}: File too lar"):
-            film(path, [run], seconds=0.3)
+        with (
+            drawing_process(room == 3001) as artist,
+            pytest.raises(SimulationError, match=f"cannot write {path}: File too lar"),
+        ):
+            film(path, [run], seconds=0.3, artist=artist)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
     assert not list(tmp_path.iterdir())
+
+
+@needs_vulkan
+def test_a_killed_process_costs_the_film_and_nothing_else(tmp_path):
+    def children():
+        tasks = Path("/proc/self/task").iterdir()
+        found = {
+            number
+            for task in tasks
+            for number in (task / "children").read_text().split()
+        }
+        return found - before
+
+    def killer(stage, done, total):
+        if (stage, done) == ("render", 5):
+            for number in children():
+                os.kill(int(number), signal.SIGKILL)
+
+    before = set()
+    before = children()
+    scene = load_scene("exponential_wall", ["lattice.points=20", "video.size=64"])
+    result = api.run(scene, tmp_path / "o", video=True, lattices=1, progress=killer)
+    assert result.summary["status"] == "done"
+    error = result.summary["video_error"]
+    assert error.startswith("the process that encodes the film was ended")
+    assert "(SIGKILL)" in error
+    assert not children()
+    assert [path.name for path in tmp_path.iterdir()] == ["o"]
+    names = {path.name for path in (tmp_path / "o").iterdir()}
+    assert "plot.png" in names
+    assert not [name for name in names if "video" in name]
 
 
 @needs_vulkan
@@ -396,7 +485,8 @@ def test_without_vulkan_the_message_names_the_remedy(tmp_path):
     code = "from taichi_disk.render import require_film; require_film()"
     done = python("-c", code, cwd=tmp_path, env=nowhere)
     assert "NoPictures: " in done.stderr
-    assert "no Vulkan driver" in done.stderr
+    assert "no Vulkan driver" in done.stderr or "cannot be loaded" in done.stderr
+    assert "without VK_ICD_FILENAMES=/nonexistent" in done.stderr
     install = "apt-get install -y --no-install-recommends libx11-6 mesa-vulkan-drivers"
     assert f"apt-get update && {install}" in done.stderr
 

@@ -3,7 +3,10 @@ shows the computed data."""
 
 from __future__ import annotations
 
+import json
+import os
 import re
+import signal
 import time
 from collections.abc import Callable, Iterator
 
@@ -13,7 +16,10 @@ from programs import packed
 
 from taichi_disk import api, load_scene
 from taichi_disk.cli import main
+from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.fields import QUANTITIES, Triangles, at_points
+from taichi_disk.render import artist
+from taichi_disk.web.drawing import FILM, bundle
 from tests.browser import Browser
 
 
@@ -32,6 +38,7 @@ def folder(tmp_path_factory):
 
 def test_a_film_is_one_file_that_fetches_nothing_and_carries_its_scene(folder):
     text = (folder / "film.html").read_text()
+    text = text.replace("http://www.w3.org/2000/svg", "")  # a name, never fetched
     assert not re.search(r'(src|href)="|import\s*[{("]|https?://|@import|url\(', text)
     assert "scene: exponential_wall" in text
     assert "spin: 0.4" in text
@@ -59,7 +66,8 @@ def test_states_survive_the_packing_to_a_thousandth_of_r(folder):
     velocities = part("velocities", "<f4").reshape(count, 2)
     rest = result.lattice.positions
     last = result.series["t"][-1]
-    times = [float(lines[0].split()[2].replace("−", "-")) for lines in captions]
+    stated = [re.fullmatch("t = (.*) R/c", lines[0]) for lines in captions]
+    times = [float(one[1]) if one else -1.0 for one in stated]  # -1: not of the run
     inside = [k for k, t in enumerate(times) if 0.0 <= t <= last]  # of the run
     for k in (inside[0], inside[len(inside) // 2], inside[-1]):
         x = rest + moved[k]
@@ -128,7 +136,7 @@ def test_240_states_of_1099_points_take_less_than_3_mb(tmp_path):
 def test_a_film_needs_no_vulkan(tmp_path, monkeypatch):
     monkeypatch.setattr(
         "taichi_disk.render.film.require_film",
-        lambda: pytest.fail("Vulkan was asked for"),
+        lambda artist: pytest.fail("Vulkan was asked for"),
     )
     scene = load_scene(
         "compression",
@@ -138,6 +146,26 @@ def test_a_film_needs_no_vulkan(tmp_path, monkeypatch):
     assert result.summary["video"] == "video.html"
     assert (tmp_path / "run/video.html").stat().st_size > 1e4
     assert "<iframe" in result.show(seconds=0.2)._repr_html_()
+
+
+@pytest.mark.parametrize(
+    ("trial", "state"),
+    [
+        (os.abort, "crashed with SIGABRT"),
+        (signal.pause, "did not answer for 0.2 s"),
+    ],
+)
+def test_a_driver_that_crashes_or_hangs_costs_no_number(
+    tmp_path, monkeypatch, trial, state
+):
+    monkeypatch.setattr(artist, "driver_state", trial)
+    monkeypatch.setattr(artist, "_TRIAL_TIME", 0.2)
+    monkeypatch.setattr(artist, "_DRAWING_TIME", 0.2)
+    scene = load_scene("exponential_wall", ["lattice.points=60", "video.seconds=0.2"])
+    summary = api.run(scene, tmp_path / "run", lattices=1).summary
+    assert summary["video"] == "video.html"
+    assert state in summary["notes"][-1]
+    assert (tmp_path / "run/plot.png").exists()
 
 
 # ---- in a browser
@@ -197,7 +225,10 @@ def test_compared_runs_have_dashes_and_a_key_and_each_theme_its_own_colours(
     assert energies == {(run, name) for run in (0, 1) for _, name in energies}
     opened(browser, path)
     names = browser.script("return document.getElementById('names').innerText")
-    assert names.startswith("—— one – – two ")
+    assert names.startswith("one two ")
+    dashes = "return [...document.querySelectorAll('#names path')]"
+    dashes += ".map((one) => one.getAttribute('stroke-dasharray'))"
+    assert browser.script(dashes) == ["", "5,3"]
     assert names.count("elastic") == 1
     first = next(one for one in film["curves"] if one["name"])
     for number, theme in enumerate(("light", "dark")):
@@ -205,7 +236,7 @@ def test_compared_runs_have_dashes_and_a_key_and_each_theme_its_own_colours(
         ink = ("#212429", "#ededea")[number]
         for name, colour in (
             (".motion", film["curves"][0]["colours"][number]),
-            ("#names span:nth-child(3)", first["colours"][number]),
+            ("#names span:nth-of-type(3)", first["colours"][number]),
             ("h1", ink),
         ):
             style = f"getComputedStyle(document.querySelector('{name}'))"
@@ -241,9 +272,9 @@ def test_in_a_frame_the_picture_has_the_room(browser, folder):
         assert seen <= size[1] + 1  # the time line is seen, too
         assert bar == size[1]
         # what does not fit is scrolled to
-        browser.script("document.querySelector('details').scrollIntoView()")
+        browser.script("document.getElementById('looking').scrollIntoView()")
         names = "document.getElementById('names').getBoundingClientRect()"
-        assert browser.script(f"return {names}.bottom") <= size[1]
+        assert browser.script(f"return {names}.bottom") <= size[1] + 1
 
 
 def test_without_a_script_a_sentence_says_so_and_no_control_is_seen(browser, folder):
@@ -347,7 +378,7 @@ def test_on_a_screen_of_any_size_no_text_is_small_and_nothing_scrolls_sideways(
 ):
     opened(browser, folder / "film.html", size)
     browser.script(MOVE, 30)
-    browser.script("document.querySelector('details').open = true")
+    browser.script("document.getElementById('looking').open = true")
     width = browser.script("return document.documentElement.scrollWidth")
     assert width <= size[0]
     assert browser.script(FAULTS) == []
@@ -360,3 +391,167 @@ def test_on_a_screen_of_any_size_no_text_is_small_and_nothing_scrolls_sideways(
     assert cut <= 0
     time.sleep(0.2)
     assert browser.script(STRETCHED) == 0
+
+
+# ---- a film that is thrown again
+
+
+def throwable(**changes):
+    """Return a scene that pages throw again, and that `run` steps as pages do."""
+    settings = ["lattice.points=100", "time.integrator=velocity_verlet"]
+    film = ["impact.velocity=0.05", "video.seconds=2", "video.fps=10"]
+    return load_scene("exponential_wall", [*settings, *film]).with_(changes)
+
+
+@pytest.fixture(scope="module")
+def thrown(tmp_path_factory):
+    """Return a film that its page throws."""
+    path = tmp_path_factory.mktemp("thrown") / "film.html"
+    return api.run(throwable(), lattices=1).film(path)
+
+
+# speeds and viscosities: slow or fast, without dashpots or with strong ones
+THROWS = [(0.02, 10.0), (0.1, 0.0), (0.2, 40.0), (0.005, 50.0)]
+# Every page computes with this: e, steps, contact time; then the colours of one state.
+COMPUTE = """
+const films = FILMS;
+const names = ["springs", "triangles", "outline"];
+const disks = films.map(({ scene, again }) => diskOf(again, Object.fromEntries(
+  names.map((name) => [name, decoded(scene[name], Uint32Array)]))));
+const found = disks.flatMap((disk) => THROWS.map(([v, eta]) => {
+  const { moments, rows, end, dt, restitution } = thrown(disk, v, eta);
+  return [restitution, Math.round(rows[end].t / dt), moments[2] - moments[0]];
+}));
+const { x, v } = films[0];
+const colours = films[0].scene.quantities.map(({ name }) =>
+  Array.from(disks[0].colours.of(name, Float64Array.from(x), Float64Array.from(v))));
+window.computed = JSON.stringify({ found, colours });"""
+
+
+@pytest.mark.parametrize(
+    "kind", ["chromium", pytest.param("firefox", marks=pytest.mark.validate)]
+)
+def test_a_page_steps_as_velocity_verlet_does_and_knows_every_colour(
+    browsers, kind, tmp_path
+):
+    films = []
+    expected = []
+    for changes in (
+        {},
+        {"lattice.points": 160, "lattice.seed": 3},
+        {"lattice.hole": 0.4, "lattice.core_radius": 0.6, "lattice.core_density": 3.0},
+    ):
+        result = api.run(throwable(**changes), lattices=1)
+        film, _ = packed(result.film(tmp_path / "film.html"))
+        again = film["again"]
+        _, x, v = result.state(greatest_compression(result.series))
+        state = {"x": x.ravel().tolist(), "v": v.ravel().tolist()}
+        films.append({"scene": film["runs"][0]["scene"], "again": again, **state})
+        for v, eta in THROWS:
+            other = {"impact.velocity": v, "material.eta_star": eta}
+            summary = api.run(result.scene.with_(other), lattices=1).summary
+            names = ("restitution", "steps", "contact_time")
+            expected.append([summary[name] for name in names])
+    numbers = COMPUTE.replace("FILMS", json.dumps(films))
+    modules = bundle(*FILM[:-1]) + numbers.replace("THROWS", json.dumps(THROWS))
+    page = tmp_path / "page.html"
+    page.write_text(f"<meta charset=utf-8><script type=module>{modules}</script>")
+    browser = browsers(kind)
+    browser.driver.get(page.as_uri())
+    text = browser.wait(lambda: browser.script("return window.computed"))
+    computed = json.loads(text)
+    found = np.array(computed["found"])
+    expected = np.array(expected)
+    assert found[:, 0] == pytest.approx(expected[:, 0], abs=1e-10)
+    assert found[:, 2] == pytest.approx(expected[:, 2], abs=1e-8)
+    assert (found[:, 1] == expected[:, 1]).sum() >= len(expected) - 1
+    result = api.run(throwable(), lattices=1)
+    _, x, v = result.state(greatest_compression(result.series))
+    triangles = Triangles(result.lattice)
+    for name, colours in zip(QUANTITIES, computed["colours"], strict=True):
+        springs = result.scenario.model.springs
+        values = at_points(name, triangles, springs, x, v)
+        assert colours == pytest.approx(values, rel=1e-9, abs=1e-15), name
+
+
+SAYS = "return document.getElementById('told').textContent"
+
+
+def test_a_throw_is_its_address_and_hostile_ones_are_clipped(browser, thrown):
+    browser.emulate(features=[{"name": "prefers-reduced-motion", "value": "reduce"}])
+    browser.driver.get(f"{thrown.as_uri()}#v=0.1&eta=40&goal=0.9")
+    browser.driver.execute_async_script(WAIT_FOR_FILM)
+    one = throwable(**{"impact.velocity": 0.1, "material.eta_star": 40.0})
+    e = api.run(one, lattices=1).summary["restitution"]
+    assert f"e = {e:.10f}" in browser.script(SAYS)
+    goal = "return document.getElementById('goal').textContent"
+    task = "Make it come back with 90 % of its speed. "
+    assert browser.script(goal) == task
+    browser.script(MOVE, 20)
+    assert browser.script(goal) == f"{task}Too dull."
+    caption = browser.script("return document.querySelector('figcaption').innerText")
+    assert f"e = {e:.3f}" in caption and "η* = 40" in caption
+    browser.script(CHOOSE, "v", np.log(0.02))
+    browser.click("throw")
+    here = "return location.hash"
+    assert browser.script(here) == "#v=0.02&eta=40&goal=0.9"
+    copied = "navigator.clipboard.writeText = (text) => { window.copied = text; }"
+    browser.script(copied)
+    browser.click("link")
+    link = browser.wait(lambda: browser.script("return window.copied"))
+    assert link == f"{thrown.as_uri()}#v=0.02&eta=40&goal=0.9"
+    numbers = "return [...document.querySelectorAll('#numbers [type=text]')]"
+    browser.script("location.hash = '#v=1e9&eta=<b>&goal=1e9&__proto__=1'")
+    browser.wait(lambda: not browser.script(goal))
+    assert browser.script(f"{numbers}.map((one) => one.value)") == ["0.1", "40"]
+    assert browser.errors() == []
+
+
+def test_a_table_takes_the_addresses_of_others_and_long_throws_are_refused(
+    browser, tmp_path
+):
+    scene = throwable(**{"impact.velocity": 2e-4, "material.eta_star": 0.0})
+    opened(browser, api.run(scene, lattices=1).film(tmp_path / "film.html"))
+    browser.script("document.getElementById('list').open = true")
+    lines = [
+        "https://x.org/a.html#v=0.1&eta=10&goal=0.9",
+        " v=0.02&eta=10",
+        "v=3&eta=x",
+    ]
+    paste = "const one = document.getElementById('addresses');"
+    paste += "one.value = arguments[0]; one.onchange()"
+    browser.script(paste, "\n".join([*lines, "#v=0.0002&eta=100", "v=0.02&eta=10"]))
+    faults = "return document.getElementById('faults').innerText"
+    browser.wait(lambda: browser.script(faults).count("\n") > 1)
+    assert "v=3&eta=x: not the address of a throw" in browser.script(faults)
+    assert "taichi-disk run exponential_wall --set" in browser.script(faults)
+    table = "return [...document.querySelectorAll('#table td')].map((one) => one.title)"
+    cells = browser.script(table)
+    assert cells[2::5] == ["0.02", "0.1", "0.0002"]
+    assert cells[3::5] == ["10", "10", "0"]
+    dots = "return document.querySelectorAll('#diagram b').length"
+    assert browser.script(dots) == 3
+    browser.script("document.querySelector('#table button').click()")
+    assert browser.script(dots) == 2
+
+
+def test_it_plays_in_a_frame_that_may_only_run_scripts(browser, thrown, tmp_path):
+    page = tmp_path / "page.html"
+    page.write_text(f'<iframe sandbox="allow-scripts" src="{thrown.as_uri()}">')
+    browser.driver.get(page.as_uri())
+    browser.driver.switch_to.frame(0)
+    try:
+        browser.wait(lambda: "steps in" in browser.script(SAYS))
+        browser.click("link")
+        browser.wait(lambda: "Copied" in browser.script(SAYS))
+        browser.click("throw")
+        assert "steps in" in browser.script(SAYS)
+    finally:
+        browser.driver.switch_to.default_content()
+    assert browser.errors() == []
+
+
+def test_what_the_page_cannot_compute_has_no_sliders(browser, folder):
+    assert packed(folder / "film.html")[0]["again"] is None
+    opened(browser, folder / "film.html")
+    assert not browser.visible("throw")

@@ -1,10 +1,9 @@
 """A result is the mean over random lattices with their scatter, followed by the value
 of the scene's lattice."""
 
-from __future__ import annotations
-
 import json
 import re
+from html import escape
 
 import numpy as np
 import pytest
@@ -169,6 +168,17 @@ def test_a_lattice_without_a_result_is_reported_and_left_out(
     assert summary["warnings"] == [
         f"there is no result on the lattice of seed 5: {reason}"
     ]
+
+
+def test_a_run_in_python_says_that_lattices_were_folded(notices):
+    result = run(SCENE, lattices=3, velocity=0.7)
+    of_this, of_others = result.warnings
+    assert "turned inside out" in of_this
+    assert of_others.startswith("2 of 2 other lattices: ")
+    assert notices.messages == result.warnings
+    assert "see .warnings" in repr(result)
+    assert all(escape(text) in result._repr_html_() for text in result.warnings)
+    assert result._repr_png_().startswith(b"\x89PNG")
 
 
 def test_an_interrupt_during_another_lattice_ends_the_run(monkeypatch):

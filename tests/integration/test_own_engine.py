@@ -1,16 +1,16 @@
 """The user's own Taichi, started before or after a run; and the engine sends nothing
 over the network."""
 
-from __future__ import annotations
-
 import os
-import re
+import sys
+from pathlib import Path
 
 import pytest
 from programs import printed_by, python
 
 from taichi_disk.engine import environment
 
+ROOT = Path(__file__).parents[2]
 SMALL = (
     '{"scene": "exponential_wall", "lattice": {"points": 40}, "video": {"size": 64,'
     ' "seconds": 0.1}}'
@@ -24,25 +24,33 @@ before = result.state(1.0)
 result.film("one.mp4")
 import os
 os.environ["TI_ARCH"] = "x64"
-ti.init(arch=ti.cpu, default_fp=ti.f64, fast_math=False)
+ti.init(arch=ti.cpu)
 assert (result.state(1.0).positions == before.positions).all()
 ti.reset()
 result.film("two.mp4")
 assert open("one.mp4", "rb").read() == open("two.mp4", "rb").read()
 assert os.environ["TI_ARCH"] == "x64"
 """
-BEFORE = f"""
+FORK = f"""
+import threading
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
+from taichi_disk import run
+
+once = partial(run, {SMALL}, lattices=1)
+thread = threading.Thread(target=once)
+thread.start()
+thread.join()
+with ProcessPoolExecutor(1, get_context("fork")) as pool:
+    print(pool.submit(once).exception(timeout=60))
+"""
+OTHER_ARCH = f"""
 from taichi_disk import run
 from taichi_disk.engine import ti
-from taichi_disk.errors import InputError
 
-double = {{"default_fp": ti.f64}}
-for options in {{}}, double, double | {{"fast_math": False, "arch": ti.vulkan}}:
-    ti.init(**options)
-    try:
-        run({SMALL}, lattices=1)
-    except InputError as error:
-        print(error)
+ti.init(arch=ti.vulkan)
+run({SMALL}, lattices=1)
 """
 RUN = ("-m", "taichi_disk", "run", "exponential_wall", "--no-video", "--lattices=1")
 SLEEP = """
@@ -65,26 +73,31 @@ sys.addaudithook(heard)
 
 @pytest.mark.validate
 def test_an_old_result_outlives_the_user_s_own_init_and_reset(tmp_path):
-    done = python("-c", AFTER, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert done.stderr.count("Taichi runs with real_matrix_scalarize=True") == 1
+    printed_by("-c", AFTER, cwd=tmp_path)
+
+
+@pytest.mark.parametrize(
+    "starts",
+    [
+        ["f32"],
+        pytest.param(["plain", "exact", "defaults", "f32"], marks=pytest.mark.validate),
+    ],
+)
+def test_the_user_s_own_kernels_and_runs_are_right_beside_each_other(starts):
+    printed = printed_by("-m", "tests.integration.beside", *starts, cwd=ROOT)
+    assert printed.endswith("right\n")
 
 
 @pytest.mark.validate
-def test_an_engine_started_with_other_settings_is_refused_with_the_line_to_write(
-    tmp_path,
-):
-    done = python("-c", BEFORE, cwd=tmp_path)
-    messages = re.findall("^Taichi runs with .*$", done.stdout, re.MULTILINE)
-    options = ("default_fp=f32", "fast_math=True", "arch=vulkan")
-    remedy = (
-        "ti.init(arch=ti.cpu, default_fp=ti.f64, fast_math=False,"
-        " real_matrix_scalarize=False)"
-    )
-    assert len(messages) == 3, done.stdout + done.stderr
-    for option, message in zip(options, messages, strict=True):
-        assert message.startswith(f"Taichi runs with {option},")
-        assert remedy in message
+def test_another_processor_is_refused_with_the_line_to_write(tmp_path):
+    done = python("-c", OTHER_ARCH, cwd=tmp_path)
+    assert "arch=vulkan, and a run needs the CPU: write ti.init(arch=" in done.stderr
+
+
+@pytest.mark.validate
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no fork")
+def test_a_process_that_is_forked_after_a_run_in_a_thread_says_what_to_do(tmp_path):
+    assert 'with the method "spawn"' in printed_by("-c", FORK, cwd=tmp_path)
 
 
 @pytest.mark.validate

@@ -15,9 +15,7 @@ from taichi_disk import load_scene, runtime
 from taichi_disk.simulation.simulation import shared_kernels
 from taichi_disk.window import server
 from taichi_disk.window.app import list_presets
-from taichi_disk.window.audience import Audience
-from taichi_disk.window.door import Door
-from taichi_disk.window.session import Common
+from taichi_disk.window.history import Timeline, start_of
 from tests.browser import SETTINGS, Browser
 
 
@@ -27,10 +25,13 @@ def address() -> Iterator[str]:
     kernels with the sandboxes of other tests."""
     runtime.start()
     playlist = list_presets(load_scene("exponential_wall", SETTINGS))
-    audience = Audience(Common(playlist, shared_kernels()))
+    sessions = server.Sessions(playlist, shared_kernels())
+    for entry in (playlist[0], playlist[3]):
+        # the thread of the server cannot compile
+        Timeline(start_of(entry.load()), shared_kernels())
     loop = asyncio.new_event_loop()
     with socket.create_server(("127.0.0.1", 0)) as listening:
-        serving = loop.create_task(server.run(audience, Door("secret"), listening))
+        serving = loop.create_task(server.run(sessions, "secret", listening))
         thread = Thread(target=loop.run_until_complete, args=[asyncio.wait([serving])])
         thread.start()
         yield f"http://127.0.0.1:{listening.getsockname()[1]}/secret/"

@@ -1,8 +1,6 @@
 """Pictures of the painter: everything is at the place given by the camera, in the
 colour given by the map."""
 
-from __future__ import annotations
-
 import os
 
 import numpy as np
@@ -15,10 +13,10 @@ from taichi_disk.fields import QUANTITIES, Triangles, at_points
 from taichi_disk.lattice import Lattice
 from taichi_disk.physics import Springs
 from taichi_disk.render import film_problem
+from taichi_disk.render.finisher import shrunk
 from taichi_disk.render.geometry import Camera
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import THEMES, colour_map
-from taichi_disk.render.pictures import shrunk
 
 pytestmark = pytest.mark.skipif(film_problem() is not None, reason=str(film_problem()))
 SIZE = 360

@@ -106,7 +106,9 @@ def test_the_first_screen_has_the_question_the_commands_and_a_film_to_play_with(
     first, rest = shown.split("\n</div>\n\n## ", 1)
     assert first.count(f"# {site.QUESTION}") == 1 and "# taichi_disk" not in first
     assert ".venv/bin/taichi-disk run exponential_wall\n" in first
-    assert '<iframe class="film"' in first and 'src="films/impact.html"' in first
+    assert (
+        '<iframe class="film"' in first and 'src="films/impact.html#goal=0.9"' in first
+    )
     # Links to the site and pictures of the film are for forges.
     assert "deployments" not in shown and "download" not in first
     assert "![" not in first and "<iframe" not in rest
@@ -115,7 +117,7 @@ def test_the_first_screen_has_the_question_the_commands_and_a_film_to_play_with(
 def test_forges_offer_films_as_files_and_the_site_plays_them(site):
     for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
         text = page.read_text("utf-8").replace("](docs/", "](")
-        links = re.findall(r"^.*\(films/\w+\.html\).*$", text, re.MULTILINE)
+        links = re.findall(r"^.*\(films/\w+\.html[^)]*\).*$", text, re.MULTILINE)
         for line in links:
             assert line.endswith(" (download, then open)"), page
             assert site.FILM.fullmatch(line), page

@@ -1,9 +1,8 @@
-"""A state on Matplotlib axes: where it is, in the colours of films, on any axes."""
+"""A state on Matplotlib axes of any kind; test_looks records what is drawn there."""
 
-from __future__ import annotations
+import sys
 
 import matplotlib.pyplot as plt
-import numpy as np
 import pytest
 from matplotlib.collections import TriMesh
 from matplotlib.colors import to_rgb
@@ -11,7 +10,6 @@ from matplotlib.figure import Figure
 
 from taichi_disk import run
 from taichi_disk.errors import InputError
-from taichi_disk.render.palette import LEVELS, colour_map
 
 
 @pytest.fixture(scope="module")
@@ -23,26 +21,16 @@ def meshes(axes):
     return [artist for artist in axes.collections if isinstance(artist, TriMesh)]
 
 
-def test_a_state_is_drawn_in_the_colours_of_films_where_it_is(result):
-    figure = result.draw(colour="pressure")
-    axes, bar = figure.axes
-    (field,) = meshes(axes)
-    state = result.greatest_compression
-    drawn = np.array([*field.get_paths()[0].vertices[:3]])
-    first = result.lattice.triangles.ravel()[:3]
-    assert drawn == pytest.approx(state.positions[first])
-    values = result.field("pressure", at="points").values
-    _, limit = bar.get_ylim()
-    places = np.clip(0.5 + 0.5 * values / limit, 0.0, 1.0) * (LEVELS - 1) + 0.5
-    table = colour_map("light", "pressure")
-    level = np.abs(np.diff(table, axis=0)).max()  # Matplotlib rounds otherwise
-    colours = table[places.astype(int)]
-    seen = field.cmap(field.norm(field.get_array()))[:, :3]
-    np.testing.assert_allclose(seen, colours, atol=level)
-    assert "pressure" in bar.get_ylabel()
-    assert "compressed" in bar.get_ylabel()
-    assert axes.get_xlabel() == "x  [R]"
-    assert f"{state.t:.4g}" in axes.get_title()
+def test_a_script_that_imports_pyplot_finds_the_figures_there(result, monkeypatch):
+    monkeypatch.delitem(sys.modules, "ipykernel", raising=False)
+    for make in (result.plot, result.draw):
+        figure = make()
+        assert plt.gcf() is figure
+        figure.show()
+    plt.close("all")
+    monkeypatch.setitem(sys.modules, "ipykernel", plt)
+    result.plot()
+    assert plt.get_fignums() == []
 
 
 def test_a_state_is_drawn_on_given_axes_at_any_moment(result):

@@ -1,8 +1,6 @@
 """Sweeps: a row is what `run` gives for its scene, independent of other scenes, of the
 order and of the executor."""
 
-from __future__ import annotations
-
 import csv
 import errno
 import io
@@ -51,6 +49,11 @@ scene: absorbing_wall
 lattice: {points: 40}
 wall: {points: 50, width: 3.0, threshold: 0.2}
 sweep: {dt: [auto, 0.002]}
+"""
+CRUSHED = """
+scene: exponential_wall
+lattice: {points: 60}
+sweep: {seed: [3, 4], velocity: [0.02, 0.7]}
 """
 ONE = "scene: exponential_wall\nlattice: {points: 60}\nmaterial: {eta_star: 0.0}\n"
 
@@ -584,10 +587,11 @@ def answering(answer: bytes) -> Iterator[str]:
     [
         nullcontext("tcp://127.0.0.1:9"),
         nullcontext("nonsense://x"),
+        answering(b""),
         answering(HTTP),
         answering(b"\x01" + bytes(1000)),
     ],
-    ids=("nobody", "nonsense", "http", "bytes"),
+    ids=("nobody", "nonsense", "mute", "http", "bytes"),
 )
 def test_an_address_without_a_scheduler_is_refused_soon(address, tmp_path, monkeypatch):
     pytest.importorskip("distributed")
@@ -615,6 +619,18 @@ def test_the_command_says_how_many_scenes_and_prints_fits_and_where_the_files_ar
     assert "eq. (4) integrated" in shown
     assert "12 points, 0 of them computed now, 0 failed" in shown
     assert f"files in {small.out}" in shown
+
+
+def test_warnings_are_in_their_rows_and_counted_at_the_end(tmp_path, capsys):
+    (tmp_path / "s.yaml").write_text(CRUSHED)
+    command = f"sweep {tmp_path / 's.yaml'} --out {tmp_path / 'out'} --jobs 1"
+    assert main(command.split()) == 0
+    rows = list(csv.DictReader((tmp_path / "out" / "points.csv").open()))
+    warned = ["turned inside out" in row["warnings"] for row in rows]
+    assert warned == [float(row["velocity"]) > 0.5 for row in rows]
+    (text,) = summary_in(tmp_path / "out")["warnings"]
+    assert text.startswith("2 of 4 points have a warning: ")
+    assert f"warning: {text}" in capsys.readouterr().err
 
 
 def test_any_result_is_drawn_against_any_axis_with_bars_over_lattices(small):

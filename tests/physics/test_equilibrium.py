@@ -211,6 +211,14 @@ def test_each_load_of_a_loading_compresses_as_much_as_a_run_under_that_load_alon
     assert found == pytest.approx(xi(alone.lattice, alone.rest.positions), rel=1e-8)
 
 
+def test_a_start_that_is_known_to_be_close_saves_an_iteration(loading):
+    _, scenario, _ = loading
+    model = replace(scenario.model, load=Load(1.001 * P))
+    problem = scenario.lattice, model, scenario.rest.positions
+    counts = [solve_equilibrium(*problem, is_close=k).iterations for k in (1, 0)]
+    assert counts[0] < counts[1] == solve_equilibrium(*problem).iterations
+
+
 def test_a_state_at_any_load_is_an_equilibrium_and_a_film_s_is_near_it(loading):
     _, scenario, outcome = loading
     columns = outcome.series

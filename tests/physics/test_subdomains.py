@@ -142,7 +142,8 @@ def test_subdomains_on_any_number_of_cores_move_as_one_core_without_them_does(na
     assert_array_equal(pieces, expected)
     assert [hashed for _, hashed in found] == elsewhere(name, 1)
     # So does a simulation that starts again.
-    assert cut.restart(cut.lattice, *body(name)[1:])
-    assert steps(cut)[1] == bits
+    again = Simulation(cut.lattice, *body(name)[1:], cut.cache)
+    assert again.program is cut.program
+    assert steps(again)[1] == bits
     for simulation in (serial, cut):
-        simulation.destroy()
+        simulation.program.destroy()

@@ -24,11 +24,13 @@ function runOf(number) {
     fringes: bytesOf(codes(60), Uint8Array),
   };
   const captions = [0, 1, 2, 3, 4, 5].map((k) => {
-    return [`t = ${k} of ${number}`, `+v = ${k}`, k === 5 ? "*e = 0.9" : "", "slow"];
+    const motion = k === 5 ? "*e = 0.9" : `+v = ${k}`;
+    return [`t = ${k} of ${number}`, motion, "", "slow", k === 5 ? "the ringing" : ""];
   });
   const scene = { ...SCENE, full_force: 0.03, title: [`run ${number}`, "N = 7", "η* = 2"] };
   const limits = { pressure: { ...limit, signed: true }, strain: limit, fringes: limit };
-  const numbers = { states: STATES, full_speed: number ? 0 : 0.04, unit: 1e-3 };
+  const strengths = [1, 1, 1, 1, 1, 3 + number];
+  const numbers = { strengths, states: STATES, full_speed: number ? 0 : 0.04, unit: 1e-3 };
   return { run: { scene, captions, limits, first: [0, 0, 1, 3, 3], ...numbers }, arrays };
 }
 

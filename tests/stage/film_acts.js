@@ -16,9 +16,9 @@ const moment = (place) => {
   get("moment").oninput();
 };
 const panes = document.querySelectorAll("figure canvas");
-step("the film opens");
+look("the film opens");
 step("a twentieth of a second", () => pass(50));
-step("another, while it cannot be seen", () => {
+look("another, while it cannot be seen", () => {
   stage.observers[0]([{ isIntersecting: false }]);
   pass(50);
 });
@@ -41,7 +41,7 @@ step("dark, and another quantity", () => {
   moment(5);
   note(`  ${document.documentElement.outerHTML.split(">", 1)}`);
 });
-step("fringes and points", () => {
+look("fringes and points", () => {
   choose("quantity", "fringes");
   choose("draw", "points");
 });
@@ -74,7 +74,7 @@ step("low", () => {
   get("disks").style.height = "200px";
   stage.observers[1]();
 });
-step("tall and narrow curves", () => {
+look("tall and narrow curves", () => {
   Object.assign(get("curves").style, { width: "60px", height: "450px" });
   window.devicePixelRatio = 2;
   moment(4);

@@ -12,6 +12,7 @@ const stage = {
   sockets: [],
   clock: 0, // [ms]
 };
+Math.random = () => 0.1234;
 const note = (text) => stage.lines.push(text.replace(/\n/g, " ¶ "));
 const rounded = (value) => Number(value.toFixed(Math.abs(value) < 1 ? 4 : 2)) || 0;
 const plain = (_, value) => (typeof value === "number" ? rounded(value) : value);
@@ -189,44 +190,64 @@ function worded(node) {
   return line.replace(/-?\d+\.\d{3,}/g, (number) => rounded(Number(number)));
 }
 
-// Return a line for each element that says something; a list, a choice or a row has one line.
+const named = (node) => (node.id ? `#${node.id} ${worded(node)}` : worded(node));
+
+// Return a line for each element that says something; what is read together has one line.
+const TOGETHER = "tr, dl, select, label, figure, .slider, .plot, .cards > button";
 function described(root) {
   const lines = [];
   const visit = (node, place) => {
     const tag = node.id ? `#${node.id}` : node.localName;
-    const isLine = node.matches("tr, dl, select, label");
-    const parts = isLine ? [...node.querySelectorAll("*")].map(worded) : [];
+    const isLine = node.matches(TOGETHER);
+    const parts = isLine ? [...node.querySelectorAll("*")].map(named) : [];
     const words = [worded(node), ...parts].filter(Boolean).join(" | ");
     if (words) lines.push(`  ${place}${tag}: ${words}`);
-    if (isLine && !node.querySelector("[id]")) return;
+    if (isLine) return;
     for (const one of node.children) visit(one, node.id ? `${tag} ` : place);
   };
   visit(root, "");
   return lines;
 }
 
-// Perform an act, and note what it sends, what it draws for the first time, and what is shown that
-// was not shown before it.
-function step(name, act) {
-  note(name);
+// Perform an act, and note what it sends, how much it draws, and what is shown that was not shown
+// before it. `look` also notes what is drawn for the first time.
+const step = (name, act) => perform(name, act, false);
+const look = (name, act) => perform(name, act, true);
+
+// Return lines of which those of a rim, which is drawn below a line or a text, are part of its line.
+function withRims(lines) {
+  const found = [];
+  for (const line of lines) {
+    const below = found.slice(-2).find((one) => {
+      const shape = one.split(" wide ")[1];
+      return shape && line.endsWith(` ${shape}`);
+    });
+    if (below) found.splice(found.lastIndexOf(below), 1);
+    found.push(below ? `${line} on ${below.trim().split(" wide ")[0]}` : line);
+  }
+  return found;
+}
+
+function perform(name, act, isLooked) {
+  const title = stage.lines.push(name) - 1;
   act?.();
   drawFrame();
   const { drawn, everDrawn } = stage;
-  const news = new Set(drawn.filter((line) => !everDrawn.has(line)));
+  const news = new Set(isLooked ? withRims(drawn).filter((line) => !everDrawn.has(line)) : []);
   for (const line of news) {
     note(line);
     everDrawn.add(line);
   }
   const same = drawn.filter((line) => stage.lastDrawn.includes(line)).length;
   if (drawn.length) {
-    note(`  ${drawn.length} strokes and texts, ${same} as before`);
+    stage.lines[title] += `; ${drawn.length} strokes and texts, ${same} as before`;
     stage.lastDrawn = drawn;
   }
   stage.drawn = [];
   const shown = described(stage.root);
   for (const line of shown) if (!stage.shown.includes(line)) note(line);
   const gone = stage.shown.filter((line) => !shown.includes(line)).length;
-  if (gone) note(`  ${gone} others are gone`);
+  if (gone) stage.lines[title] += `; ${gone} lines are gone`;
   stage.shown = shown;
 }
 

@@ -29,6 +29,9 @@ def test_the_rest_of_a_roll_is_extrapolated_from_the_whole_settling_time():
     # distance - 0.98 is proportional to the spin, so all of it is still to come
     assert remaining == pytest.approx(-1e-3 * spin[100])
     assert found["xi_extrapolated"] == pytest.approx(1e-3 * spin[100])
+    _, y = scenario.lattice.positions.T  # of the disk before it is pressed
+    assert found["xi"] == pytest.approx(y.mean() - y.min() - 0.98, abs=1e-9)
+    assert found["xi_nominal"] == pytest.approx(0.02, abs=1e-9)
     # a roll that is not proportional to the spin
     found = scenario.result(columns | {"com_y": 0.98 + 1e-3 * spin**2})
     squares = spin**2

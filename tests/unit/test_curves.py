@@ -268,8 +268,13 @@ def test_folded_points_are_left_out_and_lattices_are_complete_elsewhere():
     np.testing.assert_array_equal(curve.x, V[:-1])
     np.testing.assert_array_equal(curve.y, whole.y[[0, 1, 3, 4], :-1])
     ((label, _laws),) = curve_rows([curve.summary()])
-    assert label == "eta_star: 30, lattices: 4, 6 folded points left out"
-    # they are drawn, as they are, over any other axis
+    assert label == "eta_star: 30, lattices: 4, 6 folded points in no fit"
+    # a curve that folds everywhere is drawn, and fitted by no law
+    crushed = [row | {"warnings": text} for row in rows]
+    (curve,) = analyse(load_scene("exponential_wall"), THROW_AXES, crushed).curves
+    assert curve.y.shape == (5, 12)
+    assert not curve.fits
+    # over any other axis all points count
     diagram = analyse(load_scene("exponential_wall"), THROW_AXES, rows, x="eta_star")
     assert sum(np.isfinite(one.y).sum() for one in diagram.curves) == 60
 

@@ -189,15 +189,20 @@ def test_the_disk_of_a_runs_lattice_is_read_from_npz(tmp_path):
     assert (disk.positions == both.positions[:200]).all()
     for name in ("bonds", "rest_lengths", "masses", "stiffness"):
         assert (getattr(disk, name) == getattr(plain, name)).all()
-    np.savez(tmp_path / "points.npz", positions=ROUND)
-    assert (Lattice.read(tmp_path / "points.npz").positions == ROUND).all()
+    np.savez(tmp_path / "a.npz", points=plain.positions, springs=plain.bonds[::-1])
+    again = Lattice.read(tmp_path / "a.npz")
+    assert (again.positions == plain.positions).all()
+    assert (again.bonds == plain.bonds).all()
+    np.savez(tmp_path / "a.npz", positions=ROUND, mass=np.ones(len(ROUND)))
+    with pytest.raises(InputError, match=r"a\.npz: mass is .* did you mean masses"):
+        Lattice.read(tmp_path / "a.npz")
     short = {name: getattr(both, name) for name in ("positions", "bonds")}
     short |= {"rest_lengths": both.rest_lengths[:3], "disk_points": disk.disk_points}
     np.savez(tmp_path / "short.npz", **short)
     with pytest.raises(InputError, match=r"short\.npz"):
         Lattice.read(tmp_path / "short.npz")
     np.savez(tmp_path / "a.npz", x=ROUND)
-    with pytest.raises(InputError, match="no array positions, only x"):
+    with pytest.raises(InputError, match="x is no array of a lattice"):
         Lattice.read(tmp_path / "a.npz")
 
 

@@ -12,7 +12,8 @@ from bodies import disk
 from taichi_disk.figures.theory import fit_restitution
 from taichi_disk.render.geometry import placed
 from taichi_disk.statics.equilibrium import turned
-from taichi_disk.web.drawing import DRAWING, bundle
+from taichi_disk.web.drawing import DRAWING, FILM, bundle
+from tests.staged import SANDBOX
 
 pytestmark = pytest.mark.skipif(not shutil.which("node"), reason="no node")
 SIZE = 60
@@ -111,13 +112,17 @@ def test_displacements_are_magnified_as_in_films(tmp_path):
     lattice = disk(40)
     x = turned(lattice.positions, 0.3) * [1.1, 0.8] + [0.4, 1.3]
     x += np.random.default_rng(4).normal(0.0, 0.02, x.shape)
+    edge = float(x[:, 1].min()) + 0.01  # below it no other point is drawn
     code = f"""
-const scene = {{ disk_points: 40, rest: {lattice.positions.ravel().tolist()} }};
-const x = Float64Array.from({x.ravel().tolist()});
-console.log(JSON.stringify([...Drawing.prototype.unmoved.call({{ scene }}, x)]));"""
-    unmoved = np.reshape(run_in_node(code, tmp_path), (-1, 2))
-    shown = unmoved + 2.0 * (x - unmoved)
-    assert shown == pytest.approx(placed(lattice, x, 2.0), abs=1e-12)
+const one = Object.create(Drawing.prototype);
+one.options = {{ magnify: 2 }};
+one.scene = {{ disk_points: 40, rest: {lattice.positions.ravel().tolist()},
+  wall: {{ edge: {edge} }} }};
+const shown = one.placed(Float64Array.from({x.ravel().tolist()}));
+console.log(JSON.stringify([...shown]));"""
+    shown = np.reshape(run_in_node(code, tmp_path), (-1, 2))
+    assert shown == pytest.approx(placed(lattice, x, 2.0, edge), abs=1e-12)
+    assert (shown[:, 1] == x[:, 1].min()).sum() > 1
 
 
 def centroid(opacity):
@@ -228,3 +233,11 @@ console.log(JSON.stringify(seen));"""
     assert 0.087 < fast[1] < 0.12
     assert 6.4 < slow[0] < 10.0
     assert 0.0148 < slow[1] < 0.03
+
+
+@pytest.mark.parametrize("names", [FILM, (*DRAWING, *SANDBOX)])
+def test_the_modules_of_a_page_have_no_name_in_common(tmp_path, names):
+    # `bundle` joins them into one scope, in which a second constant is an error
+    script = tmp_path / "page.mjs"
+    script.write_text(bundle(*names), encoding="utf-8")
+    subprocess.run(["node", "--check", script], check=True)

@@ -115,19 +115,23 @@ def test_a_run_whose_balance_is_lost_fails_if_its_step_was_chosen(kernels, monke
     assert given.advance() == "finished"
 
 
-def test_triangles_are_counted_over_the_whole_contact(kernels):
-    # None is inverted at the greatest compression, four are a little later.
+def test_triangles_are_counted_in_every_row_with_and_without_an_estimate(kernels):
+    # None is inverted at the greatest compression, some are a little later.
     folding = words("""
         exponential_wall lattice.points=334 lattice.seed=14881 material.eta_star=5
         impact.velocity=0.3044474127306886 impact.spin=0.9483723865185107
         wall.a=250.27979947521234 wall.V0=125.13989973760617
     """)
-    scenario, outcome = computed(kernels, *folding)
-    assert outcome.summary["inverted_triangles"] == 4
+    scenario, outcome = computed(kernels, *folding, estimate=False)
+    series = outcome.series
+    counted = [
+        inverted_triangles(scenario.lattice, state.positions)
+        for state in outcome.replay(series["t"])
+    ]
+    assert series["inverted"].tolist() == counted
+    assert counted[series["t"].searchsorted(greatest_compression(series))] == 0
+    assert outcome.summary["inverted_triangles"] == max(counted) > 1
     assert any("turned inside out" in text for text in outcome.summary["warnings"])
-    greatest = greatest_compression(outcome.series)
-    (state,) = outcome.replay(np.array([greatest]))
-    assert inverted_triangles(scenario.lattice, state.positions) == 0
 
 
 def test_rows_follow_the_surface_of_a_fast_spin_on_a_slow_flight(kernels):

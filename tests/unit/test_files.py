@@ -116,6 +116,10 @@ def test_the_time_series_reads_back_bitwise_and_is_thinned_on_request(tmp_path):
     files.write_timeseries(tmp_path / "b.csv", columns, 0.6)
     table = np.genfromtxt(tmp_path / "b.csv", delimiter=",", names=True)
     assert np.array_equal(table["t"], columns["t"][[0, 6, 12, 18, 19]])
+    columns["sliding"] = np.where(np.arange(20) == 19, 1e-3, 0.0)  # begins at 0
+    files.write_timeseries(tmp_path / "c.csv", columns)
+    table = np.genfromtxt(tmp_path / "c.csv", delimiter=",", names=True)
+    assert set(table.dtype.names) == {*names, "sliding"}
 
 
 @pytest.mark.parametrize(

@@ -12,11 +12,11 @@ WHITE = (255, 255, 255)
 GREY = (128, 128, 128)
 
 
-def stamped(corners, rim=0.0):
+def stamped(corners, rim=0.0, columns=slice(0, 100)):
     """Return the brightness (100, 100) of a grey picture with a black mark that has a
     white rim."""
     image = Image.new("RGB", (100, 100), GREY)
-    stamp(image, Mark(corners, BLACK, rim), WHITE)
+    stamp(image, Mark(corners, BLACK, rim), WHITE, columns)
     return np.asarray(image)[..., 0].astype(float)
 
 
@@ -56,3 +56,9 @@ def test_a_dot_is_where_it_is_asked_for_to_a_part_of_a_pixel():
 
 def test_a_mark_at_the_side_of_a_picture_is_cut():
     assert stamped(dot(np.array([0.0, 50.0]), 9.0))[50, 0] == 0.0
+    # Beside the picture of a disk are another disk, or curves.
+    whole = stamped(dot(np.array([30.0, 50.0]), 9.0), rim=2.0)
+    for columns in (slice(0, 25), slice(25, 40), slice(50, 100)):
+        part = stamped(dot(np.array([30.0, 50.0]), 9.0), 2.0, columns)
+        assert (part[:, columns] == whole[:, columns]).all()
+        assert (np.delete(part, columns, axis=1) == GREY[0]).all()

@@ -69,7 +69,7 @@ def test_a_package_that_a_format_needs_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(meshio, "read", read)
     path = tmp_path / "a.med"
     path.write_bytes(b"-")
-    with pytest.raises(InputError, match=r"\(it needs h5py: .* install 'h5py'\): conv"):
+    with pytest.raises(InputError, match=r"\(it needs h5py: .* install 'h5py'\): "):
         Lattice.read(path)
 
 
@@ -121,6 +121,47 @@ def test_a_mesh_that_is_no_disk_is_refused_in_words(tmp_path, points, cells, mes
     text = str(refusal.value)
     assert text.startswith(f"lattice.file: {path}: ")
     assert message in text
+
+
+CURVE = """$MeshFormat
+2.2 0 8
+$EndMeshFormat
+$PhysicalNames
+1
+1 7 "rim"
+$EndPhysicalNames
+$Nodes
+2
+1 0 0 0
+{last} 1 0 0
+$EndNodes
+$Elements
+1
+1 1 2 7 1 1 {last}
+$EndElements
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        (
+            "a.msh",
+            CURVE.format(last=2),
+            r"\(physical groups: rim\); if there",
+        ),
+        ("a.msh", CURVE.format(last=10**13), "has a number above 99,999,999"),
+        ("a.inp", "*NODE\n1,0,0\n*Include,INPUT=a.inp\n", "it includes another file"),
+        ("a.dat", "0 1\n", r"it is no .dat file\): write its points as a table"),
+        ("a.xyz", "0\n", r"write its points as a table \(.csv\)"),
+    ],
+)
+def test_a_file_that_meshio_cannot_read_is_answered_with_what_helps(
+    tmp_path, name, content, message
+):
+    (tmp_path / name).write_text(content)
+    with pytest.raises(InputError, match=message):
+        Lattice.read(tmp_path / name)
 
 
 @pytest.mark.parametrize("name", ["a.msh", "a.vtu", "a.inp", "a.dat"])

@@ -4,7 +4,7 @@ import json
 import re
 
 import numpy as np
-from shown import digest, number
+from shown import digest, number, numbers
 
 from taichi_disk.window.session import HEADER, Session, read_command
 
@@ -43,10 +43,10 @@ ACTS = (
 )
 
 
-def test_a_page_is_sent_what_is_recorded(common, record, monkeypatch):
+def test_a_page_is_sent_what_is_recorded(playlist, kernels, record, monkeypatch):
     monkeypatch.setattr("taichi_disk.window.sandbox.perf_counter", lambda: 0.0)
-    session = Session(common)
-    before = []
+    session = Session(playlist, kernels)
+    before = [one for one in told(session) if "yaml" in one]
     lines = []
     for act in (None, *ACTS):
         lines.append(json.dumps(act))
@@ -63,7 +63,8 @@ def test_a_page_is_sent_what_is_recorded(common, record, monkeypatch):
 
 
 def told(session):
-    """Yield a line for each word and number of the session's present messages."""
+    """Yield a line for each word and number of the session's present messages; the
+    scene as YAML is that of `to_yaml`, so what is noted of it are its changes."""
     for kind, message in session.messages.items():
         if kind == "state":
             size = HEADER.size
@@ -74,6 +75,11 @@ def told(session):
         if kind == "yaml":
             values = re.sub(" +#.*", "", content["text"])
             yield from (f"  yaml {line}" for line in values.splitlines())
+        elif kind == "graphs":
+            yield f"  graphs: {content['motion']} {digest(content['t'])}"
+            values = np.round(content["values"], 9)  # without rounding errors
+            largest = np.abs(values).max(axis=1, initial=1e-9)
+            yield f"  graphs: {digest(values / largest[:, None])} of {numbers(largest)}"
         else:
             yield from flat(content, f"  {kind}")
 
@@ -86,6 +92,13 @@ def flat(value, place):
         parts = dict(enumerate(value))
     else:
         yield f"{place}: {text_of(value)}"
+        return
+    if all(map(is_text, parts.values())):
+        records = [
+            ", ".join(map(str, one.values() if isinstance(one, dict) else one))
+            for one in parts.values()
+        ]
+        yield f"{place}: {'; '.join(records)}"
         return
     nested = {name: one for name, one in parts.items() if isinstance(one, (dict, list))}
     if not nested:
@@ -104,6 +117,16 @@ def text_of(value):
     if isinstance(value, str) and len(value) > 80 and " " not in value:
         return f"{len(value)} letters"
     return repr(value)
+
+
+def is_text(record):
+    """Whether a part is a record of words only, as that of a key or a curve."""
+    values = record
+    if isinstance(record, dict):
+        values = record.values()
+    return isinstance(record, (dict, list)) and all(
+        isinstance(one, (str, bool)) for one in values
+    )
 
 
 def is_number(value):

@@ -2,15 +2,14 @@
 words."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from taichi_disk.output.panel import PanelScene, draw_panel
 from taichi_disk.output.plot import TimeCurve
+from taichi_disk.render.curves import Curves
 from taichi_disk.render.palette import THEMES
-from taichi_disk.render.panel import Panel
 
 NAMES = ("flight", "vibration", "elastic", "wall", "dashpots", "boundary", "friction")
 COLOURS = ("#00806A", "#1A1A1E", "#C23F00", "#8F6500", "#1F6FB5", "#8E5BC0", "#882255")
@@ -28,10 +27,6 @@ def scene(energies=1, letter=20.0, size=(560, 720)):
     labels = ["velocity of the centre  [v]", "wall force  [Mc²/R]", "energy  [Mc²]"]
     colours = vars(THEMES["light"]) | {"coming": "#B8B8B7"}
     return PanelScene(t, curves, labels, "time  [R/c]", size, letter, colours)
-
-
-def panel_of(shown, drawn):
-    return Panel(SimpleNamespace(begin=lambda *_: lambda: drawn), shown)
 
 
 def test_a_curve_is_at_the_row_of_its_value_grey_before_and_coloured_after():
@@ -73,7 +68,7 @@ def test_a_line_stands_at_the_time_between_coloured_and_grey_curves():
     shown = replace(shown, t=shown.t + 1.0)
     drawn = draw_panel(shown)
     picture = np.zeros((720, 560, 4), dtype=np.uint8)
-    panel_of(shown, drawn).draw(picture, 1.25)
+    Curves(drawn, shown).draw(picture, 1.25)
     left, right, top, bottom = drawn.boxes[0]
     column = left + round(0.25 * (right - left - 1))
     faint = np.rint(255.0 * np.array(shown.colours["faint"]))
@@ -85,10 +80,10 @@ def test_a_line_stands_at_the_time_between_coloured_and_grey_curves():
 def test_a_panel_shows_its_time_whatever_it_showed_before():
     shown = scene()
     drawn = draw_panel(shown)
-    panel = panel_of(shown, drawn)
+    curves = Curves(drawn, shown)
     picture = np.zeros((720, 560, 4), dtype=np.uint8)
     for t in (0.5, 0.9, 0.1, -1.0, 2.0, 0.3, 0.3):
         alone = np.zeros_like(picture)
-        panel_of(shown, drawn).draw(alone, t)
-        panel.draw(picture, t)
+        Curves(drawn, shown).draw(alone, t)
+        curves.draw(picture, t)
         assert (picture == alone).all()

@@ -3,7 +3,6 @@ bytes each time."""
 
 import filecmp
 import os
-import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -16,9 +15,9 @@ from bodies import computed
 from PIL import Image
 
 from taichi_disk import runtime
-from taichi_disk.output.artist import drawing_process
 from taichi_disk.output.inline import Plot
 from taichi_disk.output.plot import matplotlib_style, plot_run, plot_scene
+from taichi_disk.render.artist import drawing_process
 from taichi_disk.simulation.simulation import shared_kernels
 
 
@@ -76,17 +75,16 @@ def test_plots_by_threads_with_other_styles_and_by_another_process_have_the_same
         assert (tmp_path / "b.png").read_bytes() == first
 
 
-def test_matplotlib_is_not_imported_for_names_and_colours_of_the_curves():
-    code = "import sys, taichi_disk.render.palette; print('matplotlib' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.stdout.splitlines()[-1] == "False"
-
-
-def test_the_fonts_of_a_file_are_those_that_publishers_take():
+@pytest.mark.parametrize(
+    ("form", "name"),
+    [
+        ("pdf", b"/Type3"),
+        pytest.param("ps", b"/FontType 3", marks=pytest.mark.validate),
+    ],
+)
+def test_the_fonts_of_a_file_are_those_that_publishers_take(form, name):
     figure = Plot()
     figure.text(0.5, 0.5, "η* = 5")
-    # type 3 draws letters as paths
-    for form, name in (("pdf", b"/Type3"), ("ps", b"/FontType 3")):
-        file = BytesIO()
-        figure.savefig(file, format=form)
-        assert name not in file.getvalue()
+    file = BytesIO()
+    figure.savefig(file, format=form)
+    assert name not in file.getvalue()  # type 3 draws letters as paths

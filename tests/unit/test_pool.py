@@ -1,10 +1,13 @@
 """The processes of a sweep: what they import, what comes back, and how they end."""
 
 import os
+import signal
 import sys
 import tempfile
+import threading
 import time
 import warnings
+from concurrent import futures
 from concurrent.futures import BrokenExecutor
 from importlib.util import find_spec
 
@@ -12,7 +15,8 @@ import pytest
 from bodies import words
 
 import taichi_disk
-from taichi_disk.processes.pool import Pool
+from taichi_disk import signals
+from taichi_disk.processes.pool import Pool, awaited
 
 
 @pytest.fixture
@@ -76,6 +80,17 @@ def test_processes_compute_at_the_same_time_and_are_killed_at_work():
     assert sleeping.exception() is not None
     with pytest.raises(ProcessLookupError):
         os.kill(number, 0)
+
+
+def test_signals_are_served_while_another_thread_waits(monkeypatch):
+    ended = threading.Event()
+    assert awaited(ended.is_set) is False
+    with pytest.raises(futures.TimeoutError):
+        awaited(ended.wait, 0.01)
+    monkeypatch.setattr(signals, "_pending", [signal.SIGTERM])
+    with pytest.raises(KeyboardInterrupt):
+        awaited(ended.wait)
+    ended.set()
 
 
 def test_without_a_writable_home_processes_share_one(tmp_path, monkeypatch, notices):

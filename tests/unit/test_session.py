@@ -13,22 +13,20 @@ import pytest
 
 from taichi_disk.computation.outcome import compute
 from taichi_disk.fields import Triangles
-from taichi_disk.output.panel import ON_DARK
 from taichi_disk.render.palette import full_scale
-from taichi_disk.simulation.observables import BY_NAME, INDEX, of_kind
+from taichi_disk.simulation.observables import INDEX
 from taichi_disk.web.drawing import colour_values
 from taichi_disk.window.app import list_folder, list_presets
-from taichi_disk.window.audience import Audience
 from taichi_disk.window.controls import CHOICES, CURVE_POINTS, RANGES
 from taichi_disk.window.graphs import CURVES
-from taichi_disk.window.session import HEADER, Common, Session, read_command
+from taichi_disk.window.session import HEADER, Session, read_command
 
 WEB = Path(__file__).parents[2] / "taichi_disk" / "web"
 
 
 @pytest.fixture
-def session(common):
-    return Session(common)
+def session(playlist, kernels):
+    return Session(playlist, kernels)
 
 
 def say(session, kind, **more):
@@ -46,22 +44,6 @@ def panel(session):
 # ---- messages
 
 
-@pytest.mark.parametrize("address", ["", "http://192.0.2.1:8000/23456789/"])
-def test_a_page_knows_how_others_join_if_they_can(common, address):
-    shared = Common(common.playlist, common.kernels, address)
-    hello = json.loads(Session(shared).messages["hello"])
-    assert hello["address"] == address
-    assert hello["code"].startswith("data:image/svg+xml") == bool(address)
-
-
-def test_energies_have_the_names_and_colours_of_films(session):
-    found = json.loads(session.messages["hello"])["curves"]
-    energies = {name: (light, dark) for _, name, light, dark in found}
-    for name in [*of_kind("part"), "elastic", "wall", *of_kind("loss")]:
-        column = BY_NAME[name]
-        assert energies[column.label] == (column.colour, ON_DARK[column.colour])
-
-
 BAD = [
     *("", "{", "[1]", "null", "[" * 1000, b"\0"),
     *('{"do": "close"}', '{"do": ["press"]}', '{"do": "press"}'),
@@ -77,16 +59,9 @@ BAD = [
 ]
 
 
-def test_messages_that_no_page_sends_are_ignored_and_counted(common):
-    audience = Audience(common)
-    page = audience.join(lambda message: None)
-    session = page.seat.session
-    before = session.sandbox.scene
-    for text in BAD:
-        audience.hear(page, text)
-    session.advance()
-    assert audience.ignored == len(BAD)
-    assert session.sandbox.scene is before
+@pytest.mark.parametrize("text", BAD)
+def test_a_message_that_no_page_sends_is_none(text):
+    assert read_command(text) is None
 
 
 VALUES = [None, True, -1, 1e300, 0.3, 2, "x", "", [], {}, float("nan"), 2**70]
@@ -165,7 +140,8 @@ console.log(JSON.stringify(state, plain));"""
     assert len(state["values"]) == len(seen.x)
     assert state["forces"]
     energy = session.sandbox.time.segment.scenario.reference_energy
-    assert sum(state["graph"][:5]) == pytest.approx(energy, rel=1e-4)
+    # however late the picture is: what dashpots have taken belongs to it
+    assert sum(state["graph"][:6]) == pytest.approx(energy, rel=1e-4)
     assert state["caption"].startswith("t = ")
     graphs = json.loads(session.messages["graphs"])
     assert len(graphs["values"]) == len(CURVES) and graphs["t"][0] == 0.0
@@ -291,7 +267,7 @@ def test_names_that_are_not_utf_8_reach_every_page(kernels, tmp_path):
         path.write_text("scene: exponential_wall\nlattice: {points: 60}\n")
     except OSError:
         pytest.skip("this file system takes only UTF-8")
-    session = Session(Common(list_folder(tmp_path), kernels))
+    session = Session(list_folder(tmp_path), kernels)
     texts = [each for kind, each in session.messages.items() if kind != "state"]
     assert "".join(texts).encode()
     assert panel(session)["name"] == "\udcff"
@@ -303,7 +279,7 @@ def test_every_scene_of_the_list_ends_as_run_does_after_random_events(number, ke
     """What a user does before the throw leaves no trace in the scene as it is listed,
     and the time between two pictures changes no digit."""
     entries = list_presets(None)
-    session = Session(Common(entries, kernels))
+    session = Session(entries, kernels)
     choose = random.Random(number)
     keys = [key for key in "bnrhzxadlecy" if key in session.controls.actions]
     for _ in range(12):

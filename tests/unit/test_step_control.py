@@ -352,7 +352,7 @@ def test_three_successive_results_decide_whether_a_tolerance_is_met(
         same = {name: getattr(driver, name) for name in ("scenario", "kernels")}
         return SimpleNamespace(step=step, columns=columns, has_ended=True, **same)
 
-    last, second = error_estimate.within_tolerance(run(driver.step), run)
+    last, errors = error_estimate.within_tolerance(run(driver.step), run)
     assert len(steps) == runs
     assert last.step.dt == steps[-1] == driver.step.dt / 2 ** (runs - 1)
-    assert second.errors["restitution"] <= 3e-5
+    assert errors["restitution"] <= 3e-5

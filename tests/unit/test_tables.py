@@ -29,6 +29,8 @@ TABLES = {
     "decimal commas": table("x;y\n", "{x};{y}\n").replace(".", ","),
     "decimal commas, blanks": table("", "{x}  {y}\n").replace(".", ","),
     "decimal commas, tabs": table("x\ty\n", "{x}\t{y}\n").replace(".", ","),
+    "R's write.csv": table('"","x","y"\n', '"{k}",{x},{y}\n'),
+    "Excel's end": table("x;y\n", "{x};{y}\n").replace(".", ",") + ";\n;\n",
     "Windows": table("x,y\n", "{x:.18E},{y:.18e}\n").replace("\n", "\r\n"),
 }
 
@@ -40,8 +42,9 @@ def test_every_plain_form_gives_the_same_points(form):
     assert positions == pytest.approx(POINTS, abs=1e-15)
 
 
-def test_masses_are_read_by_name():
-    positions, masses = read_table(table("Mass/kg;x;y\n", "{k},5;{x};{y}\n"))
+@pytest.mark.parametrize("name", ["Mass/kg", "masses"])
+def test_masses_are_read_by_name(name):
+    positions, masses = read_table(table(f"{name};x;y\n", "{k},5;{x};{y}\n"))
     assert positions == pytest.approx(POINTS, abs=1e-15)
     assert (masses == np.arange(60) + 0.5).all()
 
@@ -83,7 +86,7 @@ def test_a_file_makes_a_lattice_and_a_note(tmp_path, encoding, suffix):
         ("x,y\n0,nan\n", "line 2 lacks a number (0 | nan)"),
         ("x,y\n0_0,1\n", "line 2 lacks a number (0_0 | 1)"),
         ("x,y\n1,234.5,0\n", "line 2 has 3 columns"),
-        ('"x","y"\n0,1\n', 'line 1 does not name x and y ("x" | "y")'),
+        ('"xes","y"\n0,1\n', "line 1 does not name x and y (xes | y)"),
         ("1.0D0 2.0D0\n", "line 1 does not name x and y (1.0D0 | 2.0D0)"),
         ("\u22121,0\n", "line 1 does not name x and y (\u22121 | 0)"),
     ],

@@ -1,7 +1,5 @@
 """A film has the length that was asked for, in every program that plays it."""
 
-import sys
-
 import av
 import numpy as np
 import pytest
@@ -23,7 +21,7 @@ def test_a_gif_shows_no_picture_for_less_than_browsers_do_and_keeps_its_length(
     with video(path, ".gif", (8, 4), fps, "") as append:
         for k in range(count):
             picture = np.roll(stripes, k, axis=0)
-            append(lambda picture=picture: picture)
+            append(picture, True)
     durations = durations_of(path)
     assert sum(durations) == pytest.approx(1e3 * count / fps, abs=5.1)
     assert min(durations) >= 20
@@ -39,7 +37,7 @@ def test_large_areas_of_a_gif_have_their_exact_colours(tmp_path):
     picture[:32, :32, :3] = np.random.default_rng(0).integers(0, 255, (32, 32, 3))
     path = tmp_path / "film.gif"
     with video(path, ".gif", (64, 64), 10, "") as append:
-        append(lambda: picture)
+        append(picture, True)
     with Image.open(path) as gif:
         pixels = np.asarray(gif.convert("RGB"))
     assert (pixels[:40, 40:] == ground).all()
@@ -55,7 +53,7 @@ def test_colours_that_appear_late_in_a_gif_are_in_its_palette(tmp_path):
     path = tmp_path / "film.gif"
     with video(path, ".gif", (32, 32), 10, "") as append:
         for picture in pictures:
-            append(lambda picture=picture: picture)
+            append(picture, True)
     with Image.open(path) as gif:
         for k, picture in enumerate(pictures):
             gif.seek(k)
@@ -73,8 +71,7 @@ def test_an_mp4_begins_with_its_index_and_has_key_pictures_and_the_colours_of_hd
         for k in range(25):
             layers = (3 * rows + columns + 2 * k, 255 - 4 * columns, 5 * rows, rows)
             drawn.append(np.stack(layers, axis=2).astype(np.uint8))
-            append(lambda picture=drawn[k]: picture)
-    assert sys.getswitchinterval() == pytest.approx(0.005)  # Python's own
+            append(drawn[k], True)
     data = path.read_bytes()
     assert data.index(b"moov") < data.index(b"mdat")  # browsers play while they load
     assert b" threads=1 " in data  # other numbers give other bytes

@@ -7,8 +7,6 @@ The program computes a population of small lattices, about half a minute, and dr
 sweeps of a few lattices from it. It prints the tables of docs/numerics.md.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

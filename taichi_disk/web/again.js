@@ -1,0 +1,176 @@
+// A throw of the film's disk with other numbers. film.js plays it as it plays recorded states.
+
+import { Colours } from "./colours.js";
+import { digits } from "./controls.js";
+import { decoded } from "./draw.js";
+import { FRINGES } from "./legend.js";
+import { thrown } from "./stepper.js";
+
+const FULL_COLOUR = 0.98; // part of the points within the colour scale
+const SCALE_STATES = 12; // from the contact to the greatest compression, for scales
+const ROUND = [1, 1.5, 2, 3, 4, 5, 6, 8, 10]; // of round numbers
+const LONGEST_FORCE = 4; // arrow of the largest force on a point, over that of the full one, at most
+const LEAST_FORCE = 0.01; // on a point, over the full one, that has an arrow
+const FLATTENING = 0.05; // of the drawn disk, to which displacements are magnified [R]
+const MOST_MAGNIFIED = 20;
+// amplitude of the ringing over that of the greatest compression, for which it is drawn stronger: at most
+// so many times; dashpots have taken it if it must be more
+const RINGING = 0.5;
+const MOST_RINGING = 6;
+const DAMPED = 10;
+const EASE = 0.7; // time in which it becomes so strong [s]
+const VISIBLE_ENERGY = 2e-3; // of the largest, for a curve
+const SLOW_PACE = 1.1; // pace over the slowest, up to which it is called slow
+
+function roundNear(value) {
+  const decade = 10 ** Math.floor(Math.log10(Math.max(value, 1e-12)));
+  const distance = (step) => Math.abs(Math.log((step * decade) / value));
+  return decade * ROUND.reduce((best, step) => (distance(step) < distance(best) ? step : best));
+}
+
+// Return where a value lies in one ascending list, at the corresponding place of another.
+function mapped(value, from, to) {
+  const k = Math.max(from.slice(1, -1).findLastIndex((one) => one <= value) + 1, 0);
+  return to[k] + ((value - from[k]) / (from[k + 1] - from[k])) * (to[k + 1] - to[k]);
+}
+
+const largest = (list) => list.reduce((most, one) => Math.max(most, Math.abs(one)), 0);
+const fixed = (value) => value.toFixed(2).replace("-", "−").replace("−0.00", "0.00");
+const signed = (value) => (value >= 0.005 ? `+${fixed(value)}` : fixed(value));
+
+// Return the disk that a film's message describes; `scene`: of its drawing.
+export function diskOf(message, { springs, triangles, outline }) {
+  const positions = decoded(message.positions, Float64Array);
+  const masses = decoded(message.masses, Float64Array);
+  const distance = (i, j) =>
+    Math.sqrt(
+      (positions[2 * i] - positions[2 * j]) ** 2 + (positions[2 * i + 1] - positions[2 * j + 1]) ** 2,
+    );
+  const rest = new Float64Array(springs.length / 2).map((_, k) =>
+    distance(springs[2 * k], springs[2 * k + 1]),
+  );
+  const chord = largest([...outline].map((i, k) => distance(i, outline.at(k - 1))));
+  const [heaviest, lightest] = [Math.max(...masses), Math.min(...masses)];
+  const disk = { ...message, springs, triangles, positions, masses, rest, chord, heaviest, lightest };
+  return { ...disk, colours: new Colours(disk) };
+}
+
+// Attributes: those of a recording, and the `flight`; `folded`: number of triangles turned inside out.
+export class Again {
+  constructor(disk, film, v, etaStar) {
+    const began = performance.now();
+    const flight = thrown(disk, v, etaStar);
+    this.duration = performance.now() - began;
+    const [first] = flight.states;
+    const start = Math.min((flight.gap - disk.top) / v, -1e-6);
+    const moved = first.x.map((one, i) => one - (i % 2) * v * start);
+    this.states = [{ ...first, t: start, com_y: first.com_y - v * start, x: moved }, ...flight.states];
+    this.times = this.states.map(({ t }) => t);
+    Object.assign(this, { disk, flight, v, limits: {}, moments: flight.moments });
+    this.end = flight.rows[flight.end].t;
+    this.centre = disk.masses.reduce((sum, m, i) => sum + m * first.x[2 * i], 0);
+    // Pictures lie between the moments of the contact as those of the film that was packed.
+    const from = [film.times[0], ...disk.moments, film.times.at(-1)];
+    const to = [start, ...this.moments, this.times.at(-1)];
+    this.pictures = film.cues.map((k) => mapped(film.times[k], from, to));
+    this.cues = this.pictures.map((t) => this.place(t));
+    this.fit();
+    this.curves = disk.curves.map((curve) => this.measured(curve)).filter(Boolean);
+    this.captions = this.words(film);
+    const [name, numbers, ...others] = film.runs[0].scene.title;
+    const now = [`v = ${digits(v)} c`, `η* = ${digits(etaStar)}`, ...numbers.split("    ").slice(2)];
+    this.title = [name, now.join("    "), ...others];
+  }
+
+  // Return the place of a time in the list of states.
+  place(t) {
+    const { times } = this;
+    return t < 0 ? 1 - t / times[0] : Math.min(1 + t / times[2], times.length - 1);
+  }
+
+  at(t) {
+    return this.states[Math.round(this.place(t))];
+  }
+
+  // Choose what fits the state of the greatest compression.
+  fit() {
+    const { disk, flight, states, moments } = this;
+    const { a, V0, colours } = disk;
+    const flattest = this.at(moments[1]);
+    const force = a * V0 * Math.exp(-a * flattest.lowest);
+    this.edge = Math.max(Math.log((a * V0) / force) / a, 0);
+    this.fullForce = roundNear(Math.max(force, flight.peakForce / LONGEST_FORCE));
+    const flattening = states[1].com_y - states[1].lowest - (flattest.com_y - flattest.lowest);
+    const most = roundNear(FLATTENING / Math.max(flattening, FLATTENING / MOST_MAGNIFIED));
+    this.magnify = disk.magnify === "auto" ? Math.max(most, 1) : disk.magnify;
+    this.folded = colours.folded(flattest.x);
+    const later = states.filter(({ t }) => t >= moments[2]);
+    const left = later.reduce((sum, { elastic }) => sum + elastic, 0) / later.length;
+    const factor = Math.round(RINGING * Math.sqrt(flattest.elastic / left));
+    this.ringing = factor > DAMPED ? 1 : Math.max(Math.min(factor, MOST_RINGING), 1);
+  }
+
+  // Return a curve with its values, or nothing for an energy that cannot be seen.
+  measured([panel, column, name, colours]) {
+    const values = this.states.map((one) => one[column] / (panel ? 1 : this.v));
+    const isSeen = panel < 2 || largest(values) > VISIBLE_ENERGY * this.states[0].total;
+    return isSeen && { panel, run: 0, values, name, colours };
+  }
+
+  words({ fps, runs }) {
+    const { pictures, flight, v, ringing, moments } = this;
+    const paces = pictures.map((t, k) => fps * ((pictures[k + 1] ?? t) - t));
+    paces.forEach((pace, k) => (paces[k] = pace || paces[k - 1] || paces.find((one) => one)));
+    const slowest = Math.min(...paces);
+    const slow = `    slowed ${Math.round(Math.max(...paces) / slowest)} times`;
+    const result = `*e = ${flight.restitution.toFixed(3)}`;
+    const stronger = ringing > 1 ? `the ringing, shown ${ringing} times stronger` : "";
+    const end = pictures.findIndex((t) => t >= moments[2]);
+    this.strengths = pictures.map((_, k) => {
+      const part = Math.min(Math.max(k - end, 0) / (EASE * fps), 1);
+      return ringing ** (part * part * (3 - 2 * part));
+    });
+    return pictures.map((t, k) => [
+      t < 0 ? "before t = 0" : `t = ${fixed(t)} R/c`,
+      k < end ? `+${signed(this.at(t).com_vy / v)} v` : result,
+      k < end ? runs[0].captions[k][2] : "",
+      `1 s = ${digits(paces[k], 2)} R/c${paces[k] < SLOW_PACE * slowest ? slow : ""}`,
+      k < end ? "" : stronger,
+    ]);
+  }
+
+  // Return the end of the colour scale.
+  limit(quantity) {
+    const [first, last] = this.moments;
+    const sizes = Array.from({ length: SCALE_STATES }, (_, k) => {
+      const { x, v } = this.at(first + ((last - first) * k) / (SCALE_STATES - 1));
+      const values = this.disk.colours.of(quantity, x, v).map(Math.abs).sort();
+      return values[Math.floor(FULL_COLOUR * (values.length - 1))];
+    });
+    return roundNear(Math.max(...sizes) / (quantity === "fringes" ? FRINGES : 1));
+  }
+
+  // Return the state at a place in the list of states; between two states it is interpolated.
+  state(place, quantity) {
+    const { disk, states, centre, fullForce, limits } = this;
+    const { a, V0 } = disk;
+    const k = Math.floor(place);
+    const [one, next] = [states[k], states[Math.min(k + 1, states.length - 1)]];
+    const mixed = (from, to) => from + (place - k) * (to - from);
+    const [x, v] = ["x", "v"].map((name) => one[name].map((from, i) => mixed(from, next[name][i])));
+    const y = mixed(one.com_y, next.com_y);
+    const force = (i) => a * V0 * Math.exp(-a * x[2 * i + 1]);
+    const pushed = [...disk.masses.keys()].filter((i) => force(i) > LEAST_FORCE * fullForce);
+    return {
+      t: place,
+      x,
+      values: disk.colours.of(quantity, x, v),
+      limit: (limits[quantity] ??= this.limit(quantity)),
+      forces: pushed.flatMap((i) => [i, 0, force(i)]),
+      fullForce,
+      path: [...states.slice(0, k + 1).map((each) => [centre, each.com_y]), [centre, y]],
+      row: { com_x: centre, com_y: y },
+      velocity: [0, mixed(one.com_vy, next.com_vy) / this.v],
+    };
+  }
+}

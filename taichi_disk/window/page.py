@@ -1,0 +1,102 @@
+"""A page of the sandbox. It gets new states as fast as it draws them, so that they
+never queue up."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable
+from time import perf_counter
+from typing import Any
+
+from taichi_disk.window.controls import described
+from taichi_disk.window.films import make_film
+from taichi_disk.window.session import Session, read_command
+
+Message = str | bytes
+MAX_RATE = 60.0  # pictures per second
+_MAX_IN_FLIGHT = 2  # states that were sent to a page and not yet drawn
+
+
+class Page:
+    """A page that shows a session from now on until it leaves. A session may have
+    several, if a tab was duplicated."""
+
+    def __init__(self, session: Session, send: Callable[[Message], None]) -> None:
+        """`send` sends a text or a state to the page."""
+        self._session = session
+        self._send = send
+        self._in_flight: list[int] = []  # numbers of states
+        self._shown: dict[str, Message] = {}  # the last message of each kind
+        self._film: asyncio.Task[None] | None = None
+        # the page may have been lost while its user pulled the disk
+        session.hear({"do": "release"})
+        self._playing = asyncio.create_task(self._play())
+
+    def leave(self) -> None:
+        """Send no more."""
+        self._playing.cancel()
+        if self._film:
+            self._film.cancel()
+
+    def hear(self, text: Message) -> None:
+        """Carry out a message of the page; ignore what no page sends."""
+        message = read_command(text)
+        if message is None:
+            return
+        if message["do"] == "seen":
+            number = message["number"]
+            self._in_flight = [one for one in self._in_flight if one > number]
+        elif message["do"] == "alive":
+            self._tell("alive")  # it has heard nothing for a while
+        elif message["do"] == "film":
+            self._film = self._film or asyncio.create_task(self._save_film())
+        else:
+            self._session.hear(message)
+        self._session.news.set()
+
+    async def _play(self) -> None:
+        """Let the session go on as long as the page draws."""
+        news = self._session.news
+        while True:
+            began = perf_counter()
+            news.clear()
+            is_ready = len(self._in_flight) < _MAX_IN_FLIGHT
+            if is_ready and self._show():
+                await asyncio.sleep(max(began + 1.0 / MAX_RATE - perf_counter(), 0.0))
+            else:
+                await news.wait()
+
+    def _show(self) -> bool:
+        """Let the session go on, and send the messages that the page does not have yet,
+        the state as the last; return whether there are any."""
+        session = self._session
+        if session.is_busy:
+            session.advance()
+        news = {
+            kind: message
+            for kind, message in session.messages.items()
+            if self._shown.get(kind) != message
+        }
+        self._shown |= news
+        if "state" in news:
+            self._in_flight.append(session.number)
+        for message in news.values():
+            self._send(message)
+        return bool(news)
+
+    def _tell(self, kind: str, **content: Any) -> None:
+        """Send a message that is told once."""
+        self._send(json.dumps({"kind": kind} | content))
+
+    async def _save_film(self) -> None:
+        """Make a film of the present scene and send it, or show why there is none."""
+        film = ""
+        try:
+            film = await make_film(self._session.sandbox.scene)
+        except Exception as error:
+            if self._playing.cancelled():
+                return  # the page has left; to stop a film may end in an error
+            self._session.tell(described(error))
+        self._film = None
+        self._tell("film", page=film)

@@ -1,0 +1,137 @@
+"""A user's own fields and kernels beside the program, in one process.
+
+    python -m tests.integration.beside plain defaults f32 …
+
+Each word is a start of Taichi. `plain`: by the program; then by the user: `exact`
+(double precision without fast math), `defaults`, `f32` (defaults, and fields of single
+precision).
+"""
+
+import sys
+
+import numpy as np
+
+from taichi_disk import run
+from taichi_disk.engine import ti
+
+INIT = {
+    "exact": {"default_fp": ti.f64, "fast_math": False},
+    "defaults": {},
+    "f32": {},
+}
+VALUES = np.arange(1.0, 9.0).reshape(4, 2)
+
+
+def bits() -> list[str]:
+    """Return all bits that a run of each of two scenes computes."""
+    results = [
+        run("exponential_wall", points=60, viscosity=0.0091, lattices=1),
+        run("compression", points=40, pressure=0.01, lattices=1),
+    ]
+    return [
+        {name: values.tobytes() for name, values in result.series.items()}
+        for result in results
+    ]
+
+
+class Own:
+    """Fields and kernels of the kinds that people write."""
+
+    def __init__(self, real) -> None:
+        vec2 = ti.types.vector(2, real)
+        x = self.x = ti.Vector.field(2, real, 4)
+        v = self.v = ti.Vector.field(2, real, 4)
+        m = ti.Matrix.field(2, 2, real, 4)
+
+        @ti.kernel
+        def product() -> real:
+            total = ti.cast(0.0, real)
+            for i in range(4):
+                total += x[i].dot(x[i])
+            return total
+
+        @ti.kernel
+        def attract():
+            for i in x:
+                force = vec2(0.0, 0.0)
+                for j in range(4):
+                    away = x[j] - x[i]
+                    force += away / (away.norm() + 1.0)
+                v[i] = force
+
+        @ti.kernel
+        def invert():
+            for i in m:
+                m[i] = ti.Matrix([[2.0, 0.0], [0.0, 4.0]])
+                v[i] = m[i].inverse() @ x[i]
+
+        @ti.kernel
+        def scale(a: vec2, k: real):
+            for i in x:
+                v[i] = a * k
+
+        @ti.kernel
+        def total() -> vec2:
+            a = vec2(0.0, 0.0)
+            for i in range(4):
+                a += x[i]
+            return a
+
+        self.product = product
+        self.attract = attract
+        self.invert = invert
+        self.scale = lambda: scale(vec2(1.0, 2.0), 3.0)
+        self.total = total
+        self.real = real
+
+    def check(self) -> None:
+        """Raise AssertionError if a kernel or an access to a field is wrong."""
+        x = self.x
+        x.from_numpy(VALUES.astype(ti.lang.util.to_numpy_type(self.real)))
+        assert np.array_equal(x.to_numpy(), VALUES)
+        x[2] = [7.0, 8.0]
+        x[2][1] = 9.0
+        assert x.to_numpy()[2].tolist() == [7.0, 9.0] and x[2][1] == 9.0
+        x[2] = VALUES[2].tolist()
+        assert np.allclose(self.product(), 204.0)
+        assert np.allclose(self.total(), VALUES.sum(axis=0))
+        self.attract()
+        away = VALUES[None] - VALUES[:, None]
+        lengths = np.linalg.norm(away, axis=2)[..., None]
+        self.expect((away / (lengths + 1.0)).sum(axis=1))
+        self.invert()
+        self.expect(VALUES / [2.0, 4.0])
+        self.scale()
+        self.expect([3.0, 6.0])
+        self.v.fill(5.0)
+        self.expect(5.0)
+
+    def expect(self, values) -> None:
+        assert np.allclose(self.v.to_numpy(), values, atol=1e-5), self.v.to_numpy()
+
+
+def main(starts: list[str]) -> None:
+    alone = None
+    for start in starts:
+        real = ti.f64
+        if start == "f32":
+            real = ti.f32
+        owns = []
+        if start != "plain":
+            ti.init(arch=ti.cpu, **INIT[start])
+            owns.append(Own(real))
+            if start == "f32":
+                owns[0].check()  # its kernels are compiled before ours
+        found = bits()
+        if alone is None:
+            alone = found
+        assert found == alone, f"{start}: a run has other bits"
+        owns.append(Own(real))
+        for own in owns:
+            own.check()
+        assert bits() == alone, f"{start}: a second run has other bits"
+    print("right")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

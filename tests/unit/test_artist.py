@@ -1,0 +1,92 @@
+"""The process that finishes films: what it sees, and how its errors and its end come
+back."""
+
+import gc
+import math
+import os
+import signal
+import threading
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from taichi_disk.errors import SimulationError
+from taichi_disk.processes.pool import Pool
+from taichi_disk.render.artist import Artist, shared_array
+from taichi_disk.signals import deferred_interrupts
+
+# methods of an object that are functions of libraries, which another process finds
+WORKER = SimpleNamespace(
+    open=print,
+    close=gc.collect,
+    sleep=time.sleep,
+    abort=os.abort,
+    root=math.sqrt,
+    change=os.chdir,
+    make=os.mkdir,
+)
+
+
+@pytest.fixture
+def artist():
+    pool = Pool(1)
+    yield Artist(pool)
+    pool.kill()
+
+
+def test_another_process_sees_what_is_written_into_an_array_that_it_has(artist):
+    array = shared_array((3, 4))
+    for value in (1, 200):
+        array[1] = value
+        assert (artist.begin(np.array, array)() == array).all()
+    assert array.sum() == 800
+
+
+@pytest.mark.parametrize("has_process", [True, False])
+def test_calls_are_carried_out_in_their_order_and_one_that_fails_is_the_last(
+    has_process, artist, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    if not has_process:
+        artist = Artist()
+    with artist.employ(WORKER, "begun") as call:
+        call("change", str(tmp_path))
+        for name in "abc":
+            call("make", name)
+            call("change", name)
+    assert (tmp_path / "a" / "b" / "c").is_dir()
+    assert (os.getcwd() == str(tmp_path)) == has_process
+    with (
+        pytest.raises(ValueError, match="math domain error"),
+        artist.employ(WORKER) as call,
+    ):
+        call("root", -1.0)
+        for name in range(100):
+            call("sleep", 0.01)
+            call("make", str(tmp_path / f"{name}"))
+    assert len([*tmp_path.iterdir()]) < 20
+    # what comes next is done here
+    assert artist.begin(os.getpid)() == os.getpid()
+
+
+def test_a_process_that_ends_is_named_in_a_sentence(artist):
+    sentence = r"the process that encodes the film was ended .*\(SIGABRT\)"
+    with pytest.raises(SimulationError, match=sentence), artist.employ(WORKER) as call:
+        call("abort")
+
+
+def test_an_interrupt_ends_a_process_that_does_not_answer(artist):
+    process = artist.begin(os.getpid)()
+    began = time.monotonic()
+    with (
+        pytest.raises(KeyboardInterrupt),
+        deferred_interrupts(),
+        artist.employ(WORKER) as call,
+    ):
+        call("sleep", 60.0)
+        threading.Timer(0.1, signal.raise_signal, [signal.SIGINT]).start()
+    assert time.monotonic() - began < 20.0
+    with pytest.raises(ProcessLookupError):
+        os.kill(process, 0)
