@@ -109,7 +109,7 @@ def draw_film(
         if video.draw == "both" and finest > _GIF_POINTS:
             video = replace(video, draw="field")
     flights = [Flight.of(run, video.flight) for run in runs]
-    stronger = [_ringing(run, video) for run in runs]
+    stronger = [ringing_factor(run, video) for run in runs]
     if path.suffix == ".png":
         shots = [still_cue(runs[0], span)]
         video = replace(video, supersample=2.0)
@@ -175,7 +175,8 @@ def common_span(flights: Sequence[Flight]) -> tuple[float, float]:
     return start, max(shortest_flight, last_run)
 
 
-def _ringing(run: Run, video: VideoSection) -> float:
+def ringing_factor(run: Run, video: VideoSection) -> float:
+    """Return how many times stronger a film shows the vibration after an impact."""
     if video.ringing == "none":
         return 1.0
     return ringing(run)
