@@ -209,7 +209,7 @@ def points(figure, pixels):
 def _of_axes(ax: Axes):
     figure = ax.figure
     box = points(figure, ax.get_window_extent().extents)
-    yield f"axes {box} {to_hex(ax.get_facecolor())}"
+    parts = [f"axes {box} {to_hex(ax.get_facecolor())}"]
     for name, axis in (("x", ax.xaxis), ("y", ax.yaxis)):
         low, high = sorted(axis.get_view_interval())
         shown = [one for one in axis.get_ticklabels() if one.get_visible()]
@@ -219,13 +219,14 @@ def _of_axes(ax: Axes):
             for one, place in zip(shown, places, strict=False)
             if low <= place <= high and "$" not in one.get_text()
         ]
-        text = f"  {name} {axis.get_scale()} {numbers([low, high])} ticks {ticks}"
+        scale = f"{axis.get_scale()} {numbers([low, high])}"
+        parts.append(f"{name} {scale} ticks {ticks}")
         grid = [line for line in axis.get_gridlines() if line.get_visible()]
         for line in grid[:1]:
-            text += f" grid {to_hex(line.get_color())} {line.get_linewidth():.3g}"
-        yield text
+            parts[-1] += f" grid {to_hex(line.get_color())} {line.get_linewidth():.3g}"
         if axis.label.get_text():
-            yield "  " + _of_text(f"{name} label", axis.label)
+            parts.append(_of_text(f"{name} label", axis.label))
+    yield "; ".join(parts)
     titles = [ax.get_title(where) for where in ("left", "center", "right")]
     for text in ax.findobj(Text):
         if text.get_text() in filter(None, titles):
@@ -234,8 +235,7 @@ def _of_axes(ax: Axes):
         data = [line.get_xydata() for line in styles]
         x, y = np.vstack(data).T
         yield f"  {label} {digest(x)}; {digest(y)}"
-    for one in ax.collections:
-        yield "  " + _of_collection(one)
+    yield from dict.fromkeys(f"  {_of_collection(one)}" for one in ax.collections)
     for patch in ax.patches:
         colour = to_hex(patch.get_facecolor())
         bounds = points(figure, patch.get_window_extent().extents)

@@ -137,10 +137,9 @@ class Scenario(ABC):
     # ---- pictures
 
     def conclusion(self, columns: Columns) -> str:
-        """Return one sentence on what has happened, from the time series of a finished
-        scene."""
-        _, value = self.primary(columns)
-        return f"It has ended with {self.words.symbol} = {value:.3g}."
+        """Return one sentence on what has happened, or "", from the time series of a
+        finished scene."""
+        return ""
 
     @property
     @abstractmethod

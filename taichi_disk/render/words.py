@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_disk.fields import FRINGES, QUANTITIES
-from taichi_disk.output.panel import RAISED, factored
+from taichi_disk.output.panel import factored
+from taichi_disk.output.plot import RAISED
 from taichi_disk.render.letters import (
     BAR_BELOW,
     BAR_HEIGHT,

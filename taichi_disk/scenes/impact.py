@@ -26,7 +26,7 @@ from taichi_disk.lattice.network import bending_compliance, network_stiffness
 from taichi_disk.scenes import oblique
 from taichi_disk.scenes.conflicts import Conflicts, gap_conflicts
 from taichi_disk.scenes.scene import DiskScene
-from taichi_disk.simulation.observables import Columns, split
+from taichi_disk.simulation.observables import BY_NAME, Columns, of_kind, split
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -54,15 +54,7 @@ BENDING_POTENTIAL = 1e-10
 # error
 RESOLVED = 0.49
 
-# what takes energy, by the columns of the losses
-TAKERS = {
-    "dissipated": "dashpots took",
-    "absorbed": "the wall's boundary took",
-    "sliding": "sliding took",
-    "friction": "friction took",
-}
 LEAST_SHARE = 5e-4  # of the energy that is worth a word
-STRAIGHT = 0.005  # fraction of the speed along the wall that is no motion to a side
 
 LABELS = {
     "restitution": ("restitution e", ""),
@@ -400,46 +392,33 @@ class ImpactScenario(Scenario):
         )
 
     def conclusion(self, columns: Columns) -> str:
-        e = self._speed_after(columns) / self.speed_before
-        text = f"It comes back with {e:.3f} of its speed"
+        up = self._speed_after(columns)
+        text = f"It comes back with {up / self.speed_before:.3f} of its speed"
         if self.scene.is_oblique:
-            text = self._oblique_conclusion(columns)
-        columns = split(columns, self.shape.inertia)
-        ringing = float(columns["vibration"][-1] + columns["elastic"][-1])
-        parts = [(ringing, "{} still rings")]
-        for name, words in TAKERS.items():
-            parts.append((float(columns[name][-1]), f"{words} {{}}"))
-        parts.sort(reverse=True)
-        energy = columns["kinetic"][0]
-        of_what = " of the energy"
-        texts = []
-        for part, words in parts[:2]:
-            if part >= LEAST_SHARE * energy:
-                texts.append(words.format(f"{_percent(part / energy)}{of_what}"))
-                of_what = ""
-        if texts:
-            text = f"{text}; {', '.join(texts)}"
+            along = float(columns["com_vx"][-1])
+            side = "right" if along > 0.0 else "left"
+            angle = np.degrees(np.arctan2(abs(along), up))
+            kept = np.hypot(along, up) / self.scene.impact.velocity
+            spin = minus(columns["angular_momentum"][-1] / self.shape.inertia)
+            text = (
+                f"It leaves {angle:.0f}° to the {side} with {kept:.3f} of its speed and"
+                f" a spin of {spin} c/R"
+            )
+        energies = split(columns, self.shape.inertia)
+        energy = energies["kinetic"][0]
+        ringing = energies["vibration"][-1] + energies["elastic"][-1]
+        shares = {"{:.2g} % still rings": ringing / energy}
+        for name in of_kind("loss"):
+            words = f"{BY_NAME[name].label} took {{:.2g}} %"
+            shares[words] = energies[name][-1] / energy
+        parts = [
+            words.format(100.0 * share)
+            for words, share in shares.items()
+            if share > LEAST_SHARE
+        ]
+        if parts:
+            text += f". Of the energy, {', '.join(reversed(parts))}"
         return f"{text}."
-
-    def _oblique_conclusion(self, columns: Columns) -> str:
-        speed = self.scene.impact.velocity
-        before, after = columns["com_vx"][[0, -1]] / speed
-        way = "leaves"
-        if before * after > STRAIGHT**2:
-            way = "goes on"
-        elif before * after < -(STRAIGHT**2):
-            way = "comes back"
-        side = "to the right"
-        if abs(after) < STRAIGHT:
-            side = "straight up"
-        elif after < 0.0:
-            side = "to the left"
-        kept = np.hypot(after, self._speed_after(columns) / speed)
-        spin = columns["angular_momentum"][-1] / self.shape.inertia
-        text = f"It {way} {side} with {kept:.3f} of its speed"
-        if abs(spin) >= 0.005:
-            text += f" and a spin of {minus(spin)} c/R"
-        return text
 
     def motion(self, columns: Columns) -> Array:
         return columns["com_vy"] / self.velocity
@@ -493,8 +472,3 @@ class ImpactScenario(Scenario):
         up = signed(row["com_vy"] / speed)
         spin = row["angular_momentum"] / self.shape.inertia
         return time, f"{across}, {up} v", f"spin {signed(spin, 3)} c/R"
-
-
-def _percent(share: float) -> str:
-    digits = 0 if share >= 0.0995 else 1
-    return f"{100.0 * share:.{digits}f} %"

@@ -85,14 +85,16 @@ class SweepResult:
         )
 
     def _repr_html_(self) -> str:
-        from taichi_disk.figures.texts import curve_rows
+        from taichi_disk.figures.texts import curve_rows, explanations
         from taichi_disk.output.inline import card
 
         rows = []
-        for label, laws in curve_rows(self.summary.get("curves", ())):
+        curves = self.summary.get("curves", ())
+        for label, laws in curve_rows(curves):
             for law, parameters in laws:
                 rows.append((label, law, parameters))
                 label = ""  # stands only beside the first law
+        rows += [("", law, meaning) for law, meaning in explanations(curves)]
         return card(
             f"{self.summary['scene']}: {_counted(self)}",
             rows,
@@ -382,14 +384,17 @@ def _counted(result: SweepResult) -> str:
 
 
 def print_sweep(result: SweepResult) -> None:
-    from taichi_disk.figures.texts import curve_rows
+    from taichi_disk.figures.texts import curve_rows, explanations
 
     summary = result.summary
     part = summary.get("part")
-    for label, laws in curve_rows(summary.get("curves", ())):
+    curves = summary.get("curves", ())
+    for label, laws in curve_rows(curves):
         print(label)
         for law, parameters in laws:
             print(f"  {law:<24}{parameters}")
+    for law, meaning in explanations(curves):
+        print(f"{law}: {meaning}")
     _print_failures(result)
     counted = f"{_counted(result)}; {summary['wall_clock']:.1f} s"
     files = f"files in {result.out}"

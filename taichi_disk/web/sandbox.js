@@ -455,7 +455,7 @@ export class Sandbox {
   get sentence() {
     const { panel, state } = this;
     const isAtEnd = /^\*/m.test(state?.caption ?? "");
-    return isAtEnd ? panel.answer : panel.question;
+    return (isAtEnd && panel.answer) || panel.question;
   }
 
   // Show a new message in place of the sentence for a while. A message that was there before this

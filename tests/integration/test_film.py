@@ -120,8 +120,10 @@ def words_of(path, run, *more, **keys):
     content, _ = packed(path.with_suffix(".html"))
     words = []
     for cue, lines in zip(content["cues"], content["runs"][0]["captions"], strict=True):
-        pace = lines[-1].split("    ")
-        words.append(Words(content["times"][cue], lines[0], lines[-2], pace))
+        first, *others, note, pace, _ = lines
+        results = [one for one in others if one.startswith("*")]
+        told = [*results, note][0]
+        words.append(Words(content["times"][cue], first, told, pace.split("    ")))
     return words
 
 

@@ -1,7 +1,5 @@
 """What the page shows, and what a user's act changes in it: where, how far, which."""
 
-from __future__ import annotations
-
 import asyncio
 import socket
 import time

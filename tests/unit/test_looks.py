@@ -365,12 +365,12 @@ def test_words_of_pictures(size, factor, colour, record):
     notes = [f"camera {numbers([camera.scale, *camera.middle])}"]
     notes[0] += f" heading {number(letters.heading.size)} footer {letters.footer}"
     for legend in legends:
-        notes += of_lines(legend.lines, letters, letters.heading.size)
+        notes.append("; ".join(of_lines(legend.lines, letters, letters.heading.size)))
     notes += of_lines(scales.lines, letters)
     notes += of_lines(scales.pace_lines(pace), letters)
     for caption in CAPTIONS:
         changing = caption_lines(letters, caption, size)
-        notes += of_lines(changing, letters, letters.heading.size)
+        notes.append("; ".join(of_lines(changing, letters, letters.heading.size)))
         assert not clashes([*legends[0].lines, *changing], size)
     assert not clashes([*scales.lines, *scales.pace_lines(pace)], 2 * size)
     below = np.zeros((letters.footer + 2, 2 * size, 4), np.uint8)

@@ -241,6 +241,15 @@ def test_single_states_back_and_forth(sandbox):
     assert sandbox.time.display.t == start
 
 
+def test_a_disk_that_folds_is_warned_of_at_the_end_as_by_run(kernels):
+    sandbox = opened(kernels, ["lattice.points=60", "impact.velocity=0.9"])
+    assert not any("inside out" in text for text in sandbox.warnings)
+    to_the_end(sandbox)
+    (folds,) = [text for text in sandbox.warnings if "inside out" in text]
+    outcome, _ = computed(sandbox.scene)
+    assert folds in outcome.summary["warnings"]
+
+
 # ---- changes by the user
 
 
