@@ -141,7 +141,7 @@ export class Throws {
   showList() {
     const { ui, rows, numbers } = this;
     if (!ui.list.open) return;
-    showResults(ui.table, rows);
+    showResults(ui.table, rows, true);
     const title = "restitution e over the speed v [c]";
     const range = [numbers[0].low, numbers[0].high];
     showDiagram(ui.diagram, ui.curve, rows, { title, range, fitted: false });
