@@ -12,8 +12,8 @@ const SLOW = 0.02; // a smaller part of that speed has no arrow
 const COMING = { light: "#b8b8b7", dark: "#54575e" }; // colours of curves still to come
 const DASHES = [[], [5, 3], [1, 3], [9, 3, 1, 3]]; // of the curves of compared runs
 const CLEAR = 0.15; // part of an axis beside which another number has room
-const LONG = 26; // number of letters of what is no value
 const WIDE = 160; // axis of time with room for a number in its middle [px]
+const LONG = 26; // number of letters of what is no value
 const LOW = 230; // a lower picture has no room for a legend [px]
 const STACKED = "(max-width: 599px) and (min-height: 701px)"; // disks one above the other
 
