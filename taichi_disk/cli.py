@@ -46,6 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     NOTICES.handlers = [_Notes()]
     NOTICES.setLevel(logging.INFO)
     try:
+        _check_environment()
         parser = _parser()
         if not given:
             parser.print_help()
@@ -79,6 +80,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         if isinstance(error, PermissionError):
             return InputError.exit_status
         return 1
+
+
+def _check_environment() -> None:
+    """Raise InputError if this program was started in a copy of a virtual environment:
+    the code beside the first one would run."""
+    environment = Path(sys.argv[0]).absolute().parents[1]
+    if (environment / "pyvenv.cfg").is_file() and not environment.samefile(sys.prefix):
+        raise InputError(
+            f"{environment} is a copy of {sys.prefix}, whose program and scenes would"
+            f" be used: `sh .ci/setup` in {environment.parent} mends this"
+        )
 
 
 def _print_error(text: str) -> None:
@@ -136,7 +148,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
     from taichi_disk.api import run
     from taichi_disk.api.work import ERRORS
-    from taichi_disk.output.report import print_result
+    from taichi_disk.output.report import print_result, print_time
 
     options = _options(
         arguments, "video", "export", "overwrite", "force", "threads", "lattices"
@@ -145,10 +157,16 @@ def _run(arguments: argparse.Namespace) -> int:
         "count_on": arguments.out is None,
         "started": perf_counter() - BEGAN,
     }
+
+    def computed(result: Any) -> None:
+        progress.rest()
+        print_result(result.summary, result.scenario.words.labels, result.out)
+
     with terminal(sys.stderr) as progress:
-        result = run(scene, _out(arguments), progress=progress, **options)
+        options |= {"progress": progress, "computed": computed}
+        result = run(scene, _out(arguments), **options)
     summary = result.summary
-    print_result(summary, result.scenario.words.labels, result.out)
+    print_time(summary)
     is_complete = summary["status"] == "done" and not {*summary} & {*ERRORS.values()}
     return int(not is_complete)
 

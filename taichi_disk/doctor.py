@@ -9,9 +9,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from taichi_disk import engine
-from taichi_disk.engine.environment import CACHE, cache_folder, keeps_kernels
+from taichi_disk.engine.environment import CACHE, cache_folder, cache_problem
 from taichi_disk.machine import REMEDY, cores, processor
-from taichi_disk.processes.pool import Pool, awaited
+from taichi_disk.processes.pool import Pool, result_of
 from taichi_disk.scenes import load_scene
 
 SETTINGS = [
@@ -29,10 +29,11 @@ def examine() -> bool:
     run and filmed."""
     from taichi_disk.render.shaders import fit_engine
 
-    cache = str(cache_folder())
-    if not keeps_kernels():
-        cache += (
-            f" cannot be written: set {CACHE} and HOME, or every run compiles its"
+    folder = cache_folder()
+    cache = str(folder)
+    if cache_problem():
+        cache = (
+            f"none ({cache_problem()}): set {CACHE} and HOME, or every run compiles its"
             " kernels again"
         )
     names_and_versions = [" ".join(one) for one in engine.versions().items()]
@@ -48,47 +49,45 @@ def examine() -> bool:
         found["springs in films"] = "soft lines"
     for name, value in found.items():
         print(f"{name:<16}  {value}")
-    trouble, has_film = try_run()
-    if has_film:
-        print("\nReady: scenes can be run and filmed here.")
+    trouble, note = try_run()
+    if note:
+        print(f"\nReady: scenes can be run here, and {note}")
         return True
     if not trouble:
-        print(
-            "\nReady: scenes can be run here, and films are pages (video.html).\n"
-            f"    For MP4, WebM, GIF and PNG, as root: {REMEDY}"
-        )
+        print("\nReady: scenes can be run and filmed here.")
         return True
     print(f"\nNot ready: {trouble}\n    {REMEDY}")
     if trouble.startswith(_CRASHED):
         print(
             "    If that is done, the cache of kernels may be damaged: delete the"
-            f" folder {cache_folder()}"
+            f" folder {folder}"
         )
     return False
 
 
-def try_run() -> tuple[str, bool]:
+def try_run() -> tuple[str, str]:
     """Run and film a small scene in another process. Return why that failed, or "", and
-    whether there is a film."""
+    why the film is a page, or ""."""
     pool = Pool(1)
     try:
         with TemporaryDirectory() as folder:
             out = Path(folder, "run")
-            trouble = awaited(pool.submit(film_small, out, SETTINGS).result, SECONDS)
-            return trouble, not trouble and (out / "video.mp4").is_file()
+            return result_of(pool.submit(film_small, out, SETTINGS), SECONDS)
     except TimeoutError:
-        return f"no answer within {SECONDS} s", False
+        return f"no answer within {SECONDS} s", ""
     except BrokenExecutor as error:
-        return f"{_CRASHED} ({error})", False
+        return f"{_CRASHED} ({error})", ""
     except Exception as error:
-        return str(error), False
+        return str(error), ""
     finally:
         pool.kill()
 
 
-def film_small(out: Path, settings: list[str]) -> str:
-    """Run and film a scene into `out`, and return why there is no film, or ""."""
+def film_small(out: Path, settings: list[str]) -> tuple[str, str]:
+    """Run and film a scene into `out`. Returns as `try_run`."""
     from taichi_disk.api import run
 
     result = run(load_scene("exponential_wall", settings), out, lattices=1)
-    return str(result.summary.get("video_error", ""))
+    summary = result.summary
+    notes = [text for text in summary.get("notes", ()) if "video.html" in text]
+    return summary.get("video_error", ""), "".join(notes)

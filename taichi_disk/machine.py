@@ -1,4 +1,5 @@
-"""Processor and cores of this machine, and whether another Python can be started."""
+"""Processor, cores and Vulkan drivers of this machine, and whether another Python can
+be started."""
 
 from __future__ import annotations
 
@@ -6,6 +7,8 @@ import os
 import platform
 import sys
 from contextlib import suppress
+from ctypes import CDLL, byref, c_uint32, c_uint64, c_void_p
+from glob import glob
 from math import ceil, inf
 from pathlib import Path
 
@@ -19,6 +22,8 @@ if sys.platform != "linux":
         "install the Vulkan driver of the graphics card's maker; `run --no-video` needs"
         " none"
     )
+# variables that choose drivers of Vulkan, or replace libraries that drivers need
+DRIVER_VARIABLES = ("VK_DRIVER_FILES", "VK_ICD_FILENAMES", "LD_LIBRARY_PATH")
 
 
 def cores() -> int:
@@ -78,3 +83,39 @@ def can_start_python() -> bool:
     is_frozen = getattr(sys, "frozen", False)  # by PyInstaller and its kind
     is_python = path.name.lower().startswith(("python", "pypy"))
     return is_python and path.is_file() and not is_frozen
+
+
+def driver_state() -> str:
+    """Return what is wrong with the Vulkan drivers, or "" if one has a device, or if
+    Vulkan's loader is not found under Linux' name.
+
+    A driver may crash or hang: call this in another process.
+    """
+    try:
+        vulkan = CDLL("libvulkan.so.1")
+    except OSError:
+        return ""
+    # VkInstanceCreateInfo: its type is 1, and everything else is empty
+    settings = (c_uint64 * 8)(1)
+    instance = c_void_p()
+    if vulkan.vkCreateInstance(byref(settings), None, byref(instance)) != 0:
+        return "cannot be loaded"
+    count = c_uint32()
+    vulkan.vkEnumeratePhysicalDevices(instance, byref(count), None)
+    if count.value == 0:
+        return "has no device"
+    return ""
+
+
+def driver_problem(state: str) -> str:
+    """Return a message about the Vulkan drivers, which are in `state`, with what
+    helps."""
+    drivers = glob("/usr/share/vulkan/icd.d/*.json")
+    values = os.environ.items()
+    remedies = [f"without {k}={v}" for k, v in values if k in DRIVER_VARIABLES]
+    remedies += [f"with VK_DRIVER_FILES={path}" for path in drivers if "lvp" in path]
+    remedies.append(f"after, as root: {REMEDY}")
+    what = f"the Vulkan driver {state}"
+    if not drivers:
+        what = "there is no Vulkan driver"
+    return f"{what}, so no MP4, WebM, GIF or PNG: try again {', or '.join(remedies)}"

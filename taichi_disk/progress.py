@@ -20,8 +20,17 @@ BAR_INTERVAL = 0.1
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def silent(stage: str, done: float, total: float | None) -> None:
+class Silence:
     """Default callback, which shows nothing."""
+
+    def __call__(self, stage: str, done: float, total: float | None) -> None:
+        """Show how much of a stage is done."""
+
+    def rest(self) -> None:
+        """End the bars, so that text can be printed before the next stage."""
+
+
+silent = Silence()
 
 
 def reported(function: F) -> F:
@@ -74,7 +83,7 @@ def _notebook() -> Iterator[Progress]:
 
     def show(stage: str, done: float, total: float | None) -> None:
         nonlocal handle, due
-        bars.show(stage, done, total)
+        bars(stage, done, total)
         if monotonic() > due:
             handle = handle or display(bars.progress, display_id=True)
             handle.update(bars.progress)
@@ -88,26 +97,19 @@ def _notebook() -> Iterator[Progress]:
 
 
 @contextmanager
-def terminal(stream: TextIO | None) -> Iterator[Progress]:
+def terminal(stream: TextIO | None) -> Iterator[Silence]:
     """Show a bar on `stream` for each stage, if it is a terminal. Yields the progress
     callback."""
-    if stream is None or not stream.isatty():
-        yield silent
-        return
-    bars = _Bars(stream)
-
-    def show(stage: str, done: float, total: float | None) -> None:
-        with suppress(OSError):  # the terminal has gone
-            bars.show(stage, done, total)
-
+    bars = silent
+    if stream is not None and stream.isatty():
+        bars = _Bars(stream)
     try:
-        yield show
+        yield bars
     finally:
-        with suppress(OSError):
-            bars.progress.stop()
+        bars.rest()
 
 
-class _Bars:
+class _Bars(Silence):
     def __init__(self, stream: TextIO | None) -> None:
         from rich.console import Console
         from rich.progress import (
@@ -136,7 +138,17 @@ class _Bars:
             disable=console.is_jupyter,
         )
 
-    def show(self, stage: str, done: float, total: float | None) -> None:
+    def __call__(self, stage: str, done: float, total: float | None) -> None:
+        with suppress(OSError):  # the terminal has gone
+            self._show(stage, done, total)
+
+    def rest(self) -> None:
+        with suppress(OSError):
+            self.progress.stop()
+        for task in self.progress.task_ids:
+            self.progress.remove_task(task)
+
+    def _show(self, stage: str, done: float, total: float | None) -> None:
         bars = self.progress
         bars.start()
         if not bars.tasks or bars.tasks[-1].description != stage:

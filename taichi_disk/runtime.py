@@ -82,10 +82,10 @@ def _init(ti: Any, threads: int) -> None:
         with contextlib.redirect_stdout(io.StringIO()):
             owner.start(init)
     except RuntimeError as error:
-        raise TaichiDiskError(
-            f"Taichi cannot start: {error}; it reserves 1 GiB of memory, so raise"
-            " `ulimit -v`"
-        ) from None
+        advice = "it reserves 1 GiB of memory, so raise `ulimit -v`"
+        if "temporarily unavailable" in str(error):  # another thread
+            advice = "raise `ulimit -u`, the number of threads and processes"
+        raise TaichiDiskError(f"Taichi cannot start: {error}; {advice}") from None
     finally:
         if arch is not None:
             os.environ["TI_ARCH"] = arch

@@ -29,6 +29,8 @@ SHOW_CURSOR = b"\x1b[?25h"  # progress bars hide the cursor
 NAMES = (
     "SIGINT",
     "SIGTERM",
+    "SIGQUIT",  # Ctrl-\
+    "SIGUSR1",  # a job's time is nearly over (Slurm)
     "SIGHUP",  # the terminal or the connection has gone
     "SIGXCPU",  # the processor time of a job is over; comes again each second
 )

@@ -1,7 +1,5 @@
 """Chromium or Firefox on a page, and the program that serves it."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json
@@ -153,7 +151,7 @@ class Browser:
         text = self.script("return JSON.stringify(window.sandbox.panel.results)")
         return list(json.loads(text))
 
-    def setting(self, name: str, word: bool = False) -> Any:
+    def setting(self, name: str) -> float:
         """Return a value of the scene that would be saved."""
         found = re.search(
             rf"^  {name}:( \S+)",
@@ -161,7 +159,7 @@ class Browser:
             re.MULTILINE,
         )
         assert found
-        return found[1] if word else float(found[1])
+        return float(found[1])
 
     def number(self, key: str) -> float:
         """Return the number in the field beside a slider."""

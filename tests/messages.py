@@ -5,8 +5,6 @@ A text is a string of at least four words, except docstrings; {…} stands for i
 values.
 """
 
-from __future__ import annotations
-
 import ast
 import sys
 from collections.abc import Iterator

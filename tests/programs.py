@@ -1,7 +1,5 @@
 """Programs that tests start, and what a run has left."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

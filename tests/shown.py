@@ -7,8 +7,6 @@ CONTRIBUTING.md names these files. Then read the differences (`git diff tests/lo
 and look at the pictures.
 """
 
-from __future__ import annotations
-
 import re
 from collections import defaultdict
 from difflib import unified_diff
@@ -149,10 +147,10 @@ def digest(values):
 
 def number(value):
     """Return a number with four digits; what is smaller than 1e-9 is 0."""
+    value = float(f"{value:.6g}")  # rounding errors decide about no digit and no form
     if abs(value) < 1e-9:
         return "0"
     text = f"{value:.3e}"
-    value = float(text)  # so that rounding errors do not change how 0.01 is written
     if 0.01 <= abs(value) < 1e4:
         digits = 3 - int(np.floor(np.log10(abs(value))))
         text = f"{value:#.{max(digits, 0)}f}"
@@ -211,7 +209,7 @@ def points(figure, pixels):
 def _of_axes(ax: Axes):
     figure = ax.figure
     box = points(figure, ax.get_window_extent().extents)
-    yield f"axes {box} {to_hex(ax.get_facecolor())}"
+    parts = [f"axes {box} {to_hex(ax.get_facecolor())}"]
     for name, axis in (("x", ax.xaxis), ("y", ax.yaxis)):
         low, high = sorted(axis.get_view_interval())
         shown = [one for one in axis.get_ticklabels() if one.get_visible()]
@@ -221,13 +219,14 @@ def _of_axes(ax: Axes):
             for one, place in zip(shown, places, strict=False)
             if low <= place <= high and "$" not in one.get_text()
         ]
-        text = f"  {name} {axis.get_scale()} {numbers([low, high])} ticks {ticks}"
+        scale = f"{axis.get_scale()} {numbers([low, high])}"
+        parts.append(f"{name} {scale} ticks {ticks}")
         grid = [line for line in axis.get_gridlines() if line.get_visible()]
         for line in grid[:1]:
-            text += f" grid {to_hex(line.get_color())} {line.get_linewidth():.3g}"
-        yield text
+            parts[-1] += f" grid {to_hex(line.get_color())} {line.get_linewidth():.3g}"
         if axis.label.get_text():
-            yield "  " + _of_text(f"{name} label", axis.label)
+            parts.append(_of_text(f"{name} label", axis.label))
+    yield "; ".join(parts)
     titles = [ax.get_title(where) for where in ("left", "center", "right")]
     for text in ax.findobj(Text):
         if text.get_text() in filter(None, titles):
@@ -236,8 +235,7 @@ def _of_axes(ax: Axes):
         data = [line.get_xydata() for line in styles]
         x, y = np.vstack(data).T
         yield f"  {label} {digest(x)}; {digest(y)}"
-    for one in ax.collections:
-        yield "  " + _of_collection(one)
+    yield from dict.fromkeys(f"  {_of_collection(one)}" for one in ax.collections)
     for patch in ax.patches:
         colour = to_hex(patch.get_facecolor())
         bounds = points(figure, patch.get_window_extent().extents)

@@ -1,8 +1,6 @@
 """Pages on the stage of tests/stage/stage.js, which has no fonts, no time, no network
 and no graphics: what they draw, show and send is the same on every machine."""
 
-from __future__ import annotations
-
 import re
 import tempfile
 from pathlib import Path

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from inspect import signature
 from pathlib import Path
@@ -450,10 +450,12 @@ class Result(Outcome):
         text = self.scenario.stored_scene.to_yaml()
         with run_folder(out, text, False, overwrite, lattice=own.digest) as folder:
             work = Work(self.scene, own.disk, own.velocities)
+            copy = replace(self, summary=dict(self.summary))
             work.write_start(folder.path, self.scenario)
+            work.write(folder, copy)
+            folder.appear()
             with drawing_process(video) as artist:
-                copy = replace(self, summary=dict(self.summary))
-                work.write(folder, copy, artist, video)
+                work.draw(folder, copy, artist, video)
         if folder.failure:
             raise SimulationError(folder.failure)
         return folder.out
@@ -526,6 +528,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
     threads: int | None = None,
     lattices: int | None = None,
     progress: Progress | None = None,
+    computed: Callable[[Result], object] | None = None,
     started: float = 0.0,
     **changes: Any,
 ) -> Result:
@@ -553,6 +556,8 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
             or the number of equilibria, "lattices" with the number of lattices,
             "render" with the number of pictures. It must not compute, film or examine a
             result.
+        computed: called with the result when its numbers are in the folder, before
+            curves, film and trajectory are.
         started: time that the process has taken before [s], for the wall clock of the
             summary.
         changes: keys of the scene and their values.
@@ -592,18 +597,25 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
             from taichi_disk.output.export import check_export
 
             check_export(folder.path, export)
-        with work.failing_into(folder.path), drawing_process(video) as artist:
-            scenario = work.build(threads)
-            work.write_start(folder.path, scenario)
-            outcome = work.solve(scenario, **options)
-            work.write(folder, outcome, artist, video, export)
+        with drawing_process(video) as artist:
+            with work.failing_into(folder.path):
+                scenario = work.build(threads)
+                work.write_start(folder.path, scenario)
+                outcome = work.solve(scenario, **options)
+                work.write(folder, outcome)
+            folder.appear()
+            # without room for anything there is no folder
+            written = folder.out if folder.out.is_dir() else None
+            result = Result(**vars(outcome), out=written)
+            if computed is not None:
+                computed(result)
+            if outcome.summary["status"] == "done":
+                work.draw(folder, outcome, artist, video, export)
     if folder.failure:
         outcome.summary.update(status="failed", reason=folder.failure)
     if outcome.summary["status"] != "done":
         NOTICES.error(outcome.summary["reason"])
-    # without room for anything there is no folder
-    written = folder.out if folder.out.is_dir() else None
-    return Result(**vars(outcome), out=written)
+    return result
 
 
 def _check_arguments(scene: Scene, changes: dict[str, Any]) -> None:

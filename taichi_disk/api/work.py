@@ -156,8 +156,6 @@ class Work:
             self.lap(status)
             is_computed = bool(self.summary)
             self.summary |= self._heading(status, str(failure) or None)
-            for unfinished in path.glob(".*.new.*"):  # left by the drawing process
-                files.remove(unfinished)
             with suppress(SimulationError):  # there is no room for it
                 files.write_summary(path / "summary.json", self.summary)
             if isinstance(failure, BlowUp):
@@ -177,26 +175,16 @@ class Work:
             impedance=scenario.model.impedance,
         )
 
-    def write(
-        self,
-        folder: RunFolder,
-        outcome: Outcome,
-        artist: Artist,
-        video: bool,
-        export: str | None = None,
-    ) -> None:
-        """Write the files of a run: results, then trajectory, film and curves, which
-        `artist` draws, and summary.json first and last, which says what is missing.
-        The failure of one takes no other along."""
+    def write(self, folder: RunFolder, outcome: Outcome) -> None:
+        """Write the numbers of a run, and summary.json first and last."""
         path = folder.path
         summary = outcome.summary
-        scenario = outcome.scenario
         # The first file holds the numbers, in case there is no room for the others.
         incomplete = {"status": "failed", "reason": "its files could not be written"}
         files.write_summary(path / "summary.json", summary | incomplete)
-        asked = scenario.scene.time.sample_interval
+        asked = outcome.scenario.scene.time.sample_interval
         # Write all rows of a loading, because they are not equally spaced.
-        interval = 0.0 if asked == "auto" or scenario.static else asked
+        interval = 0.0 if asked == "auto" or outcome.scenario.static else asked
         files.write_timeseries(path / "timeseries.csv", outcome.series, interval)
         end = {
             "positions": outcome.positions,
@@ -204,7 +192,25 @@ class Work:
             "t": outcome.series["t"][-1],
         }
         files.write_arrays(path / "final.npz", **end)
+        folder.take_over()
+        summary["video"] = folder.film()
+        files.write_summary(path / "summary.json", summary)
         self.lap("write")
+
+    def draw(
+        self,
+        folder: RunFolder,
+        outcome: Outcome,
+        artist: Artist,
+        video: bool,
+        export: str | None = None,
+    ) -> None:
+        """Add trajectory, film and curves, which `artist` draws, to the numbers of a
+        run, and tell summary.json what is missing. The failure of one takes no other
+        along."""
+        path = folder.path
+        summary = outcome.summary
+        scenario = outcome.scenario
         quoted = headline(summary, scenario.words.labels)
         shown = plot_scene(scenario, outcome.series, quoted)
         finish_plot = artist.begin(plot_run, path / "plot.png", shown)
@@ -220,7 +226,7 @@ class Work:
             except Exception as error:
                 _note_failure(summary, stage, str(error) or repr(error))
             self.lap(stage)
-        summary["video"] = folder.take_over()
+        summary["video"] = folder.film()
         files.write_summary(path / "summary.json", summary)
 
 

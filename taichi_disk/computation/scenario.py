@@ -136,6 +136,11 @@ class Scenario(ABC):
 
     # ---- pictures
 
+    def conclusion(self, columns: Columns) -> str:
+        """Return one sentence on what has happened, or "", from the time series of a
+        finished scene."""
+        return ""
+
     @property
     @abstractmethod
     def words(self) -> Words:

@@ -23,7 +23,6 @@ class Words:
         quality: label and scale, "linear" or "log", of the axis of `quality`.
         pace: the film's time scale, in which the time per second is filled in; "": `t`
             is no time.
-        end: what has happened at the end.
         truncation_remedy: advice on how to make `end_truncation_error` smaller.
     """
 
@@ -37,5 +36,4 @@ class Words:
     time: str = "time  [R/c]"
     quality: tuple[str, str] = ("energy imbalance", "linear")
     pace: str = "1 s = {:g} R/c"
-    end: str = ""
     truncation_remedy: str = ""

@@ -429,9 +429,12 @@ class VideoSection(Section):
         low=0,
         high=2,
     )
+    ringing: Literal["auto", "none"] = key(
+        "auto", "auto: vibration after an impact on a rigid wall is shown stronger"
+    )
     text: float = key(1.0, "factor on the size of letters", low=0.5, high=3)
     words: Literal["all", "few"] = key(
-        "all", "few: title, time, motion and result, for slides"
+        "all", "few: title, pace, motion and result, for slides"
     )
     supersample: float = key(
         1.0,

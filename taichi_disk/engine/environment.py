@@ -12,7 +12,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from taichi_disk.errors import NOTICES
+from taichi_disk.errors import NOTICES, reason
 
 CACHE = "TI_OFFLINE_CACHE_FILE_PATH"
 DEFAULTS = {
@@ -32,43 +32,44 @@ def cache_folder() -> Path:
     return Path(os.environ.get(CACHE) or Path(home, ".cache/taichi/ticache"))
 
 
-def is_writable(folder: Path) -> bool:
-    """Whether `folder` can be made and written into. Tried out: permissions are not
-    reliable (root, /proc)."""
+def cache_problem() -> str:
+    """Return why compiled kernels cannot be kept, or "". Tried out: permissions are not
+    reliable (root, /proc), and a disk may be full."""
+    folder = cache_folder()
+    if "HOME" not in os.environ and sys.platform != "win32":
+        return "HOME is not set"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return True
-    except OSError:
-        return False
-
-
-def keeps_kernels() -> bool:
-    """Whether compiled kernels can be kept: in a writable folder and, except on
-    Windows, with a writable home."""
-    return ("HOME" in os.environ or sys.platform == "win32") and is_writable(
-        cache_folder()
-    )
+        with tempfile.TemporaryFile(dir=folder, buffering=0) as file:
+            file.write(bytes(4096))
+        for path in folder.glob("*.tcb"):  # which the engine reads and writes
+            path.open("r+b").close()
+    except OSError as error:
+        return f"{folder}: {reason(error)}"
+    return ""
 
 
 def prepare() -> None:
-    """Give the engine a writable home and cache, without which it aborts or crashes at
-    the end."""
+    """Give the engine a home and a cache that it can use; without them it aborts or
+    crashes at the end."""
     # If the user has none (cron, systemd, a container's user), kernels go into a folder
     # in the temporary directory until this process ends, and a note on stderr says so.
     for name, value in DEFAULTS.items():
         os.environ.setdefault(name, value)
     if sys.platform == "win32":  # Taichi would use C:/taichi_cache for every user
         os.environ.setdefault(CACHE, str(cache_folder()))
-    if keeps_kernels():
+    problem = cache_problem()
+    if not problem:
         return
     folder = tempfile.mkdtemp(prefix="taichi-disk-")
     # called after the engine, which is imported later, has written its cache
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     NOTICES.warning(
-        "no writable home, so no later run can use this run's compiled kernels"
+        f"no later run can use this run's compiled kernels ({problem}); {CACHE} names"
+        " another folder for them"
     )
     os.environ["HOME"] = folder
+    os.environ[CACHE] = folder
 
 
 def remove_stale_lock() -> None:

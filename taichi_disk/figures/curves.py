@@ -3,11 +3,13 @@ of scene."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from taichi_disk.api.lattices import half_width_95
 from taichi_disk.figures import theory
@@ -24,6 +26,7 @@ CURVE_KEYS = (
     "young",
     "poisson",
     "x",
+    "folded",
     "mean",
     "standard_deviation",
     "half_width_95",
@@ -37,6 +40,7 @@ MATERIAL = {
     ("lattice", "file"),
 }
 SEED = ("lattice", "seed")
+FOLDED = "turned inside out"  # stands in the warnings of a point
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,7 @@ class Curve:
     young: float
     poisson: float  # nu, as for E
     is_damped: bool  # whether there are dashpots
+    folded: int  # number of points that are left out, because the lattice folds there
     fits: dict[str, Fit] = field(default_factory=dict)
 
     @property
@@ -84,14 +89,15 @@ class Curve:
         deviation = None
         half_widths = None
         if self.lattices > 1:
-            deviation = [_number(one) for one in np.nanstd(self.y, 0, ddof=1)]
-            half_widths = [_number(one) for one in self.half_widths]
+            deviation = _known(np.nanstd(self.y, 0, ddof=1))
+            half_widths = _known(self.half_widths)
         return {
             **self.label,
             "lattices": self.lattices,
-            "young": _number(self.young),
-            "poisson": _number(self.poisson),
+            "young": _known(self.young),
+            "poisson": _known(self.poisson),
             "x": self.x.tolist(),
+            "folded": self.folded,
             "mean": self.mean.tolist(),
             "standard_deviation": deviation,
             "half_width_95": half_widths,
@@ -100,22 +106,22 @@ class Curve:
 
 
 def _fit_summary(fit: Fit) -> dict[str, Any]:
-    intervals = {}
-    for name, (low, high) in fit.intervals.items():
-        intervals[name] = [_number(low), _number(high)]
+    intervals = {name: _known(limits) for name, limits in fit.intervals.items()}
     return {
-        "values": {name: _number(value) for name, value in fit.values.items()},
+        "values": {name: _known(value) for name, value in fit.values.items()},
         "intervals_95": intervals,
-        "rms_residual": _number(fit.rms),
-        "p_value": _number(fit.p_value),
-        "residuals": [_number(value) for value in fit.residuals],
+        "rms_residual": _known(fit.rms),
+        "p_value": _known(fit.p_value),
+        "residuals": _known(fit.residuals),
     }
 
 
-def _number(value: float) -> float | None:
-    if np.isfinite(value):
-        return float(value)
-    return None  # the law cannot be fitted, or there is only one lattice
+def _known(numbers: ArrayLike) -> Any:
+    """Return a number or a list of numbers, with None where there is none: the law
+    cannot be fitted, or there is only one lattice."""
+    known = np.asarray(numbers).astype(object)
+    known[~np.isfinite(numbers)] = None
+    return known.tolist()
 
 
 # ---- laws
@@ -128,6 +134,7 @@ class Law(NamedTuple):
     """A law and the curves to which it can be fitted."""
 
     title: str
+    meaning: str  # of its parameters
     fit: Callable[[Curve], Fit]
     min_points: int = 1  # number of points that a curve needs
     needs_moduli: bool = False  # whether the moduli must be known
@@ -157,9 +164,10 @@ def _eq2(curve: Curve, fit: Fit) -> Line:
 
 
 def _eq5(curve: Curve, fit: Fit) -> Line:
-    """Return speeds and e of eq. (5)."""
+    """Return speeds and e of eq. (5), as far as e is at most 1."""
     v = np.geomspace(curve.x.min(), curve.x.max(), 80)
-    return v, theory.paper_restitution(v, fit.values["d1"], fit.values["d2"])
+    e = theory.paper_restitution(v, fit.values["d1"], fit.values["d2"])
+    return v[e <= 1.0], e[e <= 1.0]
 
 
 def _eq4(curve: Curve, fit: Fit) -> Line:
@@ -171,6 +179,8 @@ def _eq4(curve: Curve, fit: Fit) -> Line:
 LAWS = {
     "eq2": Law(
         "eq. (2)",
+        "xi = b P/(pi E) {ln(4 pi E R/(b P)) - 1 - nu}; single lattices have b_min"
+        " to b_max",
         lambda c: theory.fit_b(c.x, c.y, c.young, c.poisson),
         needs_moduli=True,
         line=_eq2,
@@ -178,11 +188,13 @@ LAWS = {
     ),
     "eq2_nominal": Law(
         "eq. (2), xi = |R - R'|",
+        "the same b for the xi of the paper",
         lambda c: theory.fit_b(c.x, c.results["xi_nominal"], c.young, c.poisson),
         needs_moduli=True,
     ),
     "eq5": Law(
         "eq. (5)",
+        "e = d1 sqrt(1 - d2/sqrt(ln(4 c/v)))",
         lambda c: theory.fit_restitution(c.x, c.y),
         min_points=3,
         max_speed=3.9,
@@ -190,10 +202,15 @@ LAWS = {
         legend="eq. (5), d₁ and d₂ fitted",
     ),
     "curvature": Law(
-        "curvature of e(v)", lambda c: theory.fit_curvature(c.x, c.y), min_points=8
+        "curvature of e(v)",
+        "d²e/d(v/c)² in the slow and in the fast half of the speeds; below 0, e(v) is"
+        " concave",
+        lambda c: theory.fit_curvature(c.x, c.y),
+        min_points=8,
     ),
     "eq4": Law(
         "eq. (4) integrated",
+        "tau0 [R/c] is the viscosity of the contact over its stiffness",
         lambda c: theory.fit_tau0(c.x, c.y, c.young),
         min_points=3,
         needs_moduli=True,
@@ -261,7 +278,10 @@ def analyse(
     by_material = grouped(measured, of_material)
     for values, members in grouped(measured, others).items():
         label = dict(zip(others, values, strict=True))
-        places, tables = _tables(members, x, seed, results)
+        sound = members
+        if diagram.is_of_laws:
+            sound = _sound(members, x)
+        places, tables = _tables(sound, x, seed, results)
         if diagram.is_of_laws:
             complete = np.isfinite(tables[y]).all(axis=1)
             tables = {name: table[complete] for name, table in tables.items()}
@@ -276,6 +296,7 @@ def analyse(
             young=young,
             poisson=poisson,
             is_damped=_is_damped(base, label),
+            folded=len([row for row in members if _is_folded(row)]),
         )
         if diagram.is_of_laws:
             curve = replace(curve, fits=_fits(base, curve))
@@ -288,6 +309,22 @@ def _first_axis(base: Scene, axes: Sequence[str]) -> str:
         if target_of(base, name) != SEED:
             return name
     return axes[0]
+
+
+def _sound(rows: Sequence[Row], x: str) -> list[Row]:
+    """Return the rows without those that are folded, and without all rows at a place on
+    the axis `x` where most are, so that lattices are complete elsewhere."""
+    counts = Counter(row[x] for row in rows)
+    folded = Counter(row[x] for row in rows if _is_folded(row))
+    sound = []
+    for row in rows:
+        if 2 * folded[row[x]] < counts[row[x]] and not _is_folded(row):
+            sound.append(row)
+    return sound
+
+
+def _is_folded(row: Row) -> bool:
+    return FOLDED in row.get("warnings", "")
 
 
 def _is_number(value: Any) -> bool:

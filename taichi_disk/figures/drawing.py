@@ -20,7 +20,7 @@ from taichi_disk.figures.curves import LAWS, Curve, Diagram, Line
 from taichi_disk.lattice import Array
 from taichi_disk.output.files import atomic_write
 from taichi_disk.output.inline import Plot
-from taichi_disk.output.plot import STYLE, SUM, matplotlib_style
+from taichi_disk.output.plot import STYLE, SUM, matplotlib_style, powers
 from taichi_disk.scenes import compression, impact
 from taichi_disk.scenes.sweep_axes import target_of
 
@@ -48,6 +48,7 @@ FONT = {
 NAME_HEIGHT = 9.0  # of a name at the end of a curve [pt]
 MAX_LABEL = 26  # number of letters up to which two columns of a legend fit
 MAX_LINE = 56  # number of letters in a line of the caption
+MAX_SPAN = 100.0  # of an axis with room for three labels to a decade
 MAX_SHIFT = 14.0  # by which it may stand higher than the end [pt]
 METADATA = {
     "png": {"Software": None},
@@ -160,6 +161,7 @@ def _drawn(diagram: Diagram) -> Plot:
     ax = figure.subplots()
     ax.set_xlabel(layout.x_label)
     ax.set_ylabel(layout.y_label)
+    ax.yaxis.set_major_formatter(powers())
     if layout.bars == "yerr":
         log_if_wide(ax, np.concatenate([curve.x for curve in curves]))
     styles = curve_styles(len(curves))
@@ -215,11 +217,12 @@ def _draw_curve(ax: Axes, layout: Layout, curve: Curve, style: dict[str, Any]) -
 
 
 def _is_drawn(name: str, curve: Curve) -> bool:
-    """Return whether the line of a law is drawn: it can be fitted, and is not
-    refuted."""
+    """Return whether the line of a law is drawn: it can be fitted to several points,
+    and is not refuted."""
     fit = curve.fits[name]
     is_fitted = np.isfinite(list(fit.values.values())).all()
-    return bool(LAWS[name].line and is_fitted and not fit.is_refuted)
+    has_line = LAWS[name].line and len(curve.x) > 1
+    return bool(has_line and is_fitted and not fit.is_refuted)
 
 
 def _draw_laws(ax: Axes, layout: Layout, curve: Curve, colour: Any) -> None:
@@ -243,6 +246,8 @@ def _caption(curves: Sequence[Curve]) -> str:
     if counts:
         lattices = " or ".join(map(str, sorted(counts)))
         lines.append(f"Bars: 95 % interval of the mean, {lattices} lattices.")
+    if any(curve.folded for curve in curves):
+        lines.append("Points where lattices fold are left out.")
     refuted = []
     for name, law in LAWS.items():
         tried = [curve for curve in curves if law.line and name in curve.fits]
@@ -308,6 +313,9 @@ def log_if_wide(ax: Axes, x: Array) -> None:
     shorter axis labels would overlap."""
     if x.dtype.kind == "f" and x.max() >= 4.0 * x.min() > 0.0:
         ax.set_xscale("log")
-        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        labels = [1.0, 2.0, 5.0]  # of a decade
+        if x.max() > MAX_SPAN * x.min():
+            labels = [1.0]
+        ax.xaxis.set_major_locator(LogLocator(subs=labels))
         ax.xaxis.set_major_formatter("{x:g}")
         ax.xaxis.set_minor_formatter(NullFormatter())

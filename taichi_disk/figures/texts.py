@@ -19,7 +19,9 @@ def curve_rows(
         for name, value in curve.items():
             if name not in CURVE_KEYS:
                 keys.append(f"{name}: {_as_text(value)}")
-        keys.append(_counted(curve["lattices"]))
+        keys.append(f"lattices: {curve['lattices']}")
+        if curve["folded"]:
+            keys.append(f"{curve['folded']} folded points left out")
         laws = []
         for name, fit in curve["fits"].items():
             parts = _parameters(fit)
@@ -29,16 +31,17 @@ def curve_rows(
         yield ", ".join(keys), laws
 
 
+def explanations(curves: Sequence[dict[str, Any]]) -> Iterator[tuple[str, str]]:
+    """Yield (law, meaning of its parameters) for each law of `curves`."""
+    for name, law in LAWS.items():
+        if any(name in curve["fits"] for curve in curves):
+            yield law.title, law.meaning
+
+
 def _as_text(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:g}"
     return str(value)
-
-
-def _counted(lattices: int) -> str:
-    if lattices == 1:
-        return "1 lattice"
-    return f"{lattices} lattices"
 
 
 def _parameters(fit: dict[str, Any]) -> list[str]:
@@ -62,5 +65,5 @@ def _verdict(fit: dict[str, Any], lattices: int) -> str:
     if p_value is None:
         return "not tested: too few lattices or points"
     if p_value < SIGNIFICANCE:
-        return f"refuted (p = {p_value:.1g}): off by {fit['rms_residual']:.2g} (rms)"
+        return f"refuted (p = {p_value:.2g}): off by {fit['rms_residual']:.2g} (rms)"
     return f"not refuted by {lattices} lattices (p = {p_value:.2g})"

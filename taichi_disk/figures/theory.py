@@ -29,6 +29,7 @@ Prediction = Callable[[Array], Array]  # maps tau0 (k,) to e (k, velocities)
 MIN_LATTICES = 5
 # A law is refuted if chance makes it fit as badly less often than this.
 SIGNIFICANCE = 0.01
+MIN_B = 1e-6  # eq. (2) has no value at b = 0
 MAX_TAU0 = 2.0  # largest tau0 at e_star = 1 [R/c]
 START = 0.1  # where the search for it begins
 # relative tolerance of the integration of eq. (4); the error of e is 2e-10
@@ -71,17 +72,19 @@ def fit_b(pressure: Array, xi: Array, young: float, poisson: float) -> Fit:
     `young`: E [M c^2/R^2]. The `values` of the fit also contain the smallest, median
     and largest b of fits to single lattices.
     """
-    equal = xi.mean(0)
+    scale = _scale(xi)
 
     def law(b: float) -> Array:
-        return paper_compression(pressure, young, poisson, max(b, 1e-6))
+        return paper_compression(pressure, young, poisson, max(b, MIN_B))
 
-    def solve(mean: Array, scale: Array) -> list[float]:
+    def solve(mean: Array, scale: Array = scale) -> list[float]:
         (b,) = least_squares(law, mean, scale, [1.0])
-        return [max(b, 0.0)]
+        if b <= MIN_B:
+            return [0.0]
+        return [b]
 
-    fit = _fit(("b",), solve, law, xi, equal)
-    of_lattices = [solve(one, equal)[0] for one in xi]
+    fit = _fit(("b",), solve, law, xi)
+    of_lattices = [solve(one)[0] for one in xi]
     scatter = {
         "b_min": min(of_lattices),
         "b_median": float(np.median(of_lattices)),
@@ -106,7 +109,7 @@ def fit_restitution(velocity: Array, e: Array) -> Fit:
     def law(d1: float, d2: float) -> Array:
         return paper_restitution(velocity, d1, d2)
 
-    return _fit(("d1", "d2"), solve, law, e, np.ones(len(s)))
+    return _fit(("d1", "d2"), solve, law, e)
 
 
 def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
@@ -121,7 +124,7 @@ def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
         (tau0,) = least_squares(law, mean, scale, [START * e_star**-0.5])
         return [abs(tau0)]
 
-    return _fit(("tau0",), solve, law, e, np.ones(len(velocity)))
+    return _fit(("tau0",), solve, law, e)
 
 
 @lru_cache(maxsize=4)  # shared by all curves of a figure
@@ -194,7 +197,7 @@ def fit_curvature(x: Array, y: Array) -> Fit:
     def law(*_curvatures: float) -> Array:
         return np.full(len(x), np.nan)
 
-    return _fit(("slow_half", "fast_half"), solve, law, y, np.ones(len(x)))
+    return _fit(("slow_half", "fast_half"), solve, law, y)
 
 
 def least_squares(
@@ -212,44 +215,44 @@ def least_squares(
     return found.x.tolist()
 
 
+def _scale(y: Array, least: int = MIN_LATTICES) -> Array:
+    """Return the standard deviations (points,) of y (lattices, points), or ones if
+    there are fewer lattices than `least`, or if they do not differ."""
+    if len(y) >= least and y.std(0).all():
+        return y.std(0, ddof=1)
+    return np.ones(y.shape[1])
+
+
 def _fit(
     names: tuple[str, ...],
     solve: Callable[[Array, Array], list[float]],
     law: Callable[..., Array],
     y: Array,
-    equal: Array,
 ) -> Fit:
     """Return the fit of a law to the mean of y (lattices, points), with intervals of
     the jackknife.
 
     `solve` maps a mean (points,) and the errors (points,) that weight it to parameters,
-    and `law` parameters to values (points,). `equal`: the errors if those of the points
-    are not known, because lattices are few or do not differ.
+    and `law` parameters to values (points,).
     """
     n = len(y)
-    is_weighted = n >= MIN_LATTICES and bool(y.std(0).all())
-
-    def scale_of(lattices: Array) -> Array:
-        if is_weighted:
-            return lattices.std(0, ddof=1)
-        return equal
-
-    def fitted(lattices: Array) -> list[float]:
-        return solve(lattices.mean(0), scale_of(lattices))
-
-    best = fitted(y)
+    scale = _scale(y)
+    best = solve(y.mean(0), scale)
     values = law(*best)
     intervals = {}
     p_value = np.nan
     if n > 1:
-        without_one = [fitted(np.delete(y, k, axis=0)) for k in range(n)]
+        without_one = []
+        for k in range(n):
+            others = np.delete(y, k, axis=0)
+            weights = _scale(others, MIN_LATTICES - 1)
+            without_one.append(solve(others.mean(0), weights))
         errors = np.sqrt(n - 1) * np.std(without_one, axis=0)
         reach = half_width_95(1.0, n) * errors
         limits = np.transpose([best - reach, best + reach]).tolist()
         intervals = dict(zip(names, limits, strict=True))
-        if is_weighted and len(values) > len(names):
+        if n >= MIN_LATTICES and len(values) > len(names):
             changes = [law(*(best + step)) - values for step in np.diag(errors)]
-            scale = scale_of(y)
             p_value = _p_value((y - values) / scale, np.array(changes) / scale)
     return Fit(
         values=dict(zip(names, best, strict=True)),

@@ -13,7 +13,6 @@ import numpy as np
 
 from taichi_disk.errors import (
     InputError,
-    did_you_mean,
     reason,
     shown_path,
     whole_number,
@@ -30,21 +29,6 @@ _OWNERS = {
     "stiffness": "bonds",
     "triangles": "triangles",
 }
-# arrays of a disk, in the order in which they are digested
-ARRAYS = (
-    "positions",
-    "bonds",
-    "rest_lengths",
-    "masses",
-    "stiffness",
-    "triangles",
-    "disk_surface",
-)
-# attributes of a lattice that lattice.npz has; and its other arrays
-ATTRIBUTES = (*ARRAYS, "disk_points", "origin", "wall_surface", "wall_boundary")
-_STORED = (*ATTRIBUTES, "velocities", "unloaded", "wall_impedance")
-# what `Lattice.from_points` calls two of them
-_WORDS = {"points": "positions", "springs": "bonds"}
 
 
 @contextmanager
@@ -86,23 +70,6 @@ def read_arrays(path: Path) -> dict[str, Any]:
             raise InputError(f"unpacked it has more than {MAX_BYTES / 1e6:,.0f} MB")
     with np.load(path) as data:
         return _Arrays(data)
-
-
-def read_lattice(path: Path) -> dict[str, Any]:
-    """Return the arrays of a lattice in an npz file, which may have the names of
-    `Lattice.from_points`. Raises InputError for an array of another name."""
-    arrays = read_arrays(path)
-    for word, name in _WORDS.items():
-        if word in arrays and name not in arrays:
-            arrays[name] = arrays.pop(word)
-    unknown = sorted(arrays.keys() - {*_STORED})
-    if unknown:
-        hint = did_you_mean(unknown[0], _STORED)
-        raise InputError(
-            f"{unknown[0]} is no array of a lattice{hint}; there may be"
-            f" {', '.join(_STORED)}"
-        )
-    return arrays
 
 
 def points_of_disk(data: Mapping[str, Any], points: int) -> int:

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from taichi_disk.errors import InputError, SimulationError
+from taichi_disk.errors import InputError, SimulationError, did_you_mean
 from taichi_disk.lattice import custom
 from taichi_disk.lattice.files import (
     MAX_BYTES,
     TABLES,
     disk_rows,
     points_of_disk,
-    read_lattice,
+    read_arrays,
     reading,
 )
 from taichi_disk.lattice.meshes import read_mesh
@@ -47,6 +47,8 @@ from taichi_disk.text_files import read_text
 # largest distance of the points' mean from x = 0 [R]: what a user gives, any lattice
 _MAX_OFFSET = 0.1
 _MAX_STORED_OFFSET = 1.0
+# what `Lattice.from_points` and files call two arrays
+_WORDS = {"points": "positions", "springs": "bonds"}
 
 
 def _no_points() -> Indices:
@@ -261,7 +263,7 @@ class Lattice:
         suffix = path.suffix.lower()
         with reading(path, "file"):
             if suffix == ".npz":
-                return _stored(read_lattice(path), path.name)
+                return _stored(read_arrays(path), path.name)
             if suffix not in TABLES:
                 points, triangles, notes = read_mesh(path)
                 lattice = cls.from_points(points, triangles=triangles)
@@ -418,7 +420,15 @@ def _spring_arrays(
 
 
 def _stored(arrays: dict[str, Any], origin: str) -> Lattice:
-    """Return the lattice of an npz file."""
+    """Return the lattice of an npz file. Raises InputError if it has an array that no
+    lattice.npz has."""
+    for word, name in _WORDS.items():
+        if word in arrays and name not in arrays:
+            arrays[name] = arrays.pop(word)
+    known = {*Lattice.__dataclass_fields__, "velocities", "unloaded", "wall_impedance"}
+    for name in sorted(arrays.keys() - known):
+        hint = did_you_mean(name, known)
+        raise InputError(f"{name} is no array of a lattice{hint}")
     count = len(np.atleast_1d(arrays["positions"]))
     n = points_of_disk(arrays, count)
     if n < count:  # leave the elastic wall out

@@ -9,9 +9,20 @@ from typing import Any, NamedTuple
 
 from taichi_disk.errors import InputError
 from taichi_disk.lattice.custom import numbers
-from taichi_disk.lattice.files import ARRAYS, points_of_disk, read_arrays, reading
+from taichi_disk.lattice.files import points_of_disk, read_arrays, reading
 from taichi_disk.lattice.lattice import Lattice, checked_disk
 from taichi_disk.lattice.triangles import Array
+
+# arrays of a disk, in the order in which they are digested
+_ARRAYS = (
+    "positions",
+    "bonds",
+    "rest_lengths",
+    "masses",
+    "stiffness",
+    "triangles",
+    "disk_surface",
+)
 
 
 class OwnStart(NamedTuple):
@@ -26,7 +37,7 @@ class OwnStart(NamedTuple):
         """SHA-256 of all arrays that a run reads; "" if there are none."""
         arrays = {"velocities": self.velocities}
         if self.disk is not None:
-            arrays = {name: getattr(self.disk, name) for name in ARRAYS} | arrays
+            arrays = {name: getattr(self.disk, name) for name in _ARRAYS} | arrays
         digest = hashlib.sha256()
         present = {name: one for name, one in arrays.items() if one is not None}
         for name, array in present.items():

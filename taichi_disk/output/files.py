@@ -11,6 +11,7 @@ import platform
 import re
 import shutil
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
 from datetime import datetime, timezone
 from functools import lru_cache
 from importlib.metadata import version
@@ -260,9 +261,8 @@ def write_lattice(
     turned, lifted or loaded, which `lattice.file` reads back bit for bit; `impedance`
     (k, 2) [M c/R] of the points of a matched boundary.
     """
-    from taichi_disk.lattice.files import ATTRIBUTES
-
-    arrays = {name: getattr(lattice, name) for name in ATTRIBUTES}
+    arrays = {one.name: getattr(lattice, one.name) for one in fields(lattice)}
+    del arrays["notes"]
     arrays |= {"velocities": velocities, "unloaded": unloaded}
     arrays["wall_impedance"] = impedance
     present = {

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
 from io import BytesIO
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
@@ -29,9 +29,6 @@ FRAME = "width: 100%; height: 640px; border: 0"  # style of an HTML film
 CARD_WIDTH = 560.0
 
 
-AnyFigure = TypeVar("AnyFigure", bound=Figure)
-
-
 class Plot(Figure):
     """A Matplotlib figure that a notebook shows without pyplot."""
 
@@ -46,7 +43,7 @@ class Plot(Figure):
         return buffer.getvalue()
 
 
-def registered(figure: AnyFigure) -> AnyFigure:
+def registered(figure: Any) -> Any:
     """Give a figure to pyplot, if a script has imported it, for `plt.show()` and
     `plt.savefig()`. Notebooks show the figure itself."""
     pyplot = sys.modules.get("matplotlib.pyplot")
@@ -65,10 +62,6 @@ class Film:
 
     def __repr__(self) -> str:
         return f"Film({self.kind}, {len(self.data) / 1e3:.0f} kB)"
-
-    def _repr_png_(self) -> bytes | None:
-        """Return a picture for documents without HTML."""
-        return self.data if self.kind == "png" else None
 
     def _repr_html_(self) -> str:
         if self.kind == "html":

@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_disk.output.plot import PANEL_HEIGHTS, STYLE, TimeCurve, matplotlib_style
+from taichi_disk.output.plot import (
+    PANEL_HEIGHTS,
+    RAISED,
+    STYLE,
+    TimeCurve,
+    matplotlib_style,
+)
 
 if TYPE_CHECKING:
     from taichi_disk.lattice import Array
@@ -28,7 +34,6 @@ _TICK_LETTERS = 0.9
 _LINE = 0.15  # width of a curve
 _NAME = 4.0  # width of a short name with its line
 _POWERS = (-1, 2)  # powers of ten from -1 to 2 are not factored out
-RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True)

@@ -62,6 +62,7 @@ PANEL_HEIGHTS = (1.2, 1.0, 1.5)
 LAYOUT = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}
 FORCE_LABEL = "wall force  [Mc²/R]"
 ENERGY_LABEL = "energy  [Mc²]"
+RAISED = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LOCK = threading.Lock()
 
 
@@ -75,6 +76,21 @@ def matplotlib_style(style: dict[Any, Any]) -> Iterator[None]:
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(style)
         yield
+
+
+def powers() -> Any:
+    """Return Matplotlib's formatter of numbers with ×10⁻⁴ in the place of 1e-4. Its
+    own way to such a power doubles the time of a plot."""
+    from matplotlib.ticker import ScalarFormatter
+
+    class Powers(ScalarFormatter):
+        def get_offset(self) -> str:
+            offset = super().get_offset()
+            if not offset.startswith("1e"):
+                return offset
+            return f"×10{offset[2:].translate(RAISED)}"
+
+    return Powers()
 
 
 @dataclass(frozen=True)
@@ -105,13 +121,16 @@ def curves(scenario: Scenario, columns: Columns) -> list[TimeCurve]:
         if not column.label or name not in columns:
             continue
         values = columns[name]
+        label = column.label
+        if name == "translation" and not scenario.is_thrown:
+            label = "motion"
         if name == "load":
             if scenario.static:
                 continue
             values = values - values[0]
         if np.abs(values).max() > VISIBLE_ENERGY * largest:
             style = STYLES.get(name, "-")
-            found.append(TimeCurve(2, values, column.label, column.colour, style))
+            found.append(TimeCurve(2, values, label, column.colour, style))
     return found
 
 
@@ -209,6 +228,8 @@ def _drawn(scene: PlotScene) -> Plot:
         _draw_run(figure, scene)
     for ax in figure.axes:
         ax.yaxis.set_label_coords(-0.11, 0.5)
+        if ax.get_yscale() == "linear":
+            ax.yaxis.set_major_formatter(powers())
     return figure
 
 

@@ -19,8 +19,7 @@ UNESTIMATED = "(error of the time step not estimated)"
 
 
 def print_result(summary: Summary, labels: Labels, out: Path | None) -> None:
-    """Print the result, how it was computed, its time and the folder `out` if there is
-    one.
+    """Print the result, how it was computed, and the folder `out` if there is one.
 
     `labels` maps keys of the summary to (name, unit). The text is plain, because paths
     must not be wrapped.
@@ -29,6 +28,15 @@ def print_result(summary: Summary, labels: Labels, out: Path | None) -> None:
         print(f"{name:<36}{value:>16} {unit}".rstrip())
     if out is not None:
         print(f"files in {out}")
+    # A driver that crashes while the film is drawn takes unwritten lines along.
+    print(end="", flush=True)
+
+
+def print_time(summary: Summary) -> None:
+    """Print how long a run took, and each of its stages."""
+    seconds = summary["wall_clock"]
+    parts = ", ".join(f"{name} {time:.1f}" for name, time in seconds.items())
+    print(f"{'wall clock':<36}{sum(seconds.values()):>16.1f} s ({parts})")
 
 
 def rows(summary: Summary, labels: Labels) -> Iterator[tuple[str, str, str]]:
@@ -45,9 +53,6 @@ def rows(summary: Summary, labels: Labels) -> Iterator[tuple[str, str, str]]:
         yield "energy imbalance at the end", f"{imbalance:.2e}", ""
     else:
         yield "iterations", str(summary["steps"]), f"({summary['integrator']})"
-    seconds = summary["wall_clock"]
-    parts = ", ".join(f"{name} {time:.1f}" for name, time in seconds.items())
-    yield "wall clock", f"{sum(seconds.values()):.1f}", f"s ({parts})"
 
 
 def _result_rows(

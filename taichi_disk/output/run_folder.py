@@ -1,8 +1,8 @@
-"""The folder of one run: it is chosen before anything is computed, and appears when
-the run has ended, by one rename if the storage can rename folders.
+"""The folder of one run: it is chosen before anything is computed, and appears with all
+numbers of the run, by one rename if the storage can rename folders.
 
-Until then the run is built in a hidden folder beside it. docs/output.md says what may
-be replaced.
+Until then the run is built in a hidden folder beside it. Curves, film and trajectory
+join it later, each when it is complete. docs/output.md says what may be replaced.
 """
 
 from __future__ import annotations
@@ -22,8 +22,10 @@ from taichi_disk.output import files
 from taichi_disk.text_files import read_text
 
 FILMS = ("video.mp4", "video.webm", "video.gif", "video.html", "frames")
+# the last kind: what a killed process had not finished
 RUN_FILES = re.compile(
     r"scene\.yaml|summary\.json|timeseries\.csv|(lattice|final|failure)\.npz|plot\.png"
+    r"|\..+-\d+\.new\..+"
 )
 # films, and default names of what `render` and `export` add to a run
 PICTURES = re.compile(
@@ -74,13 +76,13 @@ def _is_of_a_run(path: Path) -> bool:
 
 @dataclass
 class RunFolder:
-    """The folder of a run while the run is computed.
+    """The folder of a run while the run is computed and drawn.
 
     Attributes:
-        path: hidden folder, into which the files are written.
+        path: folder into which the files are written; hidden, until it appears.
         out: folder in which they appear; another one if it has become unsuitable.
         replaceable: identities of the runs that may be replaced, this run's first.
-        failure: why the files are still in `path`.
+        failure: why the folder stays hidden.
     """
 
     path: Path
@@ -88,13 +90,13 @@ class RunFolder:
     replaceable: list[tuple[str, str]]
     failure: str = ""
 
-    def take_over(self) -> str | None:
-        """Copy earlier films and trajectories of the same run, and return the name of
-        a film, or None."""
+    def take_over(self) -> None:
+        """Copy earlier films and trajectories of the same run."""
         for earlier in self._earlier_pictures():
-            new = self.path / earlier.name
-            if not new.exists():
-                files.atomic_write(new, partial(files.copy, earlier))
+            files.atomic_write(self.path / earlier.name, partial(files.copy, earlier))
+
+    def film(self) -> str | None:
+        """Return the name of a film in the folder, or None."""
         for name in FILMS:
             if (self.path / name).exists():
                 return name
@@ -130,15 +132,20 @@ class RunFolder:
         if stored.status and stored.identity not in self.replaceable:
             raise InputError(f"{folder} holds another run{advice}")
 
-    def appear(self, status: str) -> None:
-        """Move `path` to `out`, or to another folder if `out` has become unsuitable. If
-        that fails, the run stays in `path`, and `failure` says why."""
+    def appear(self) -> None:
+        """Move a run that is in `path` to `out`, or to another folder if `out` has
+        become unsuitable. If that fails, `failure` says why, and the run stays where it
+        is."""
+        status = files.read_summary(self.path).get("status")
+        if self.path == self.out or not status:
+            return
         others = self.out
         if status != "done":
             others = others.with_name(f"{others.name}-{status}")
         try:
             self.out = self.choose(chain([self.out], _numbered(others)), status)
             files.replace(self.path, self.out)
+            self.path = self.out
         except OSError as error:
             self.failure = (
                 f"cannot move the run into {self.out}: {reason(error)}; it stays in"
@@ -158,8 +165,8 @@ def run_folder(
     """Use as `with run_folder(...) as folder:` and write the run's files and
     summary.json into `folder.path`.
 
-    When the block ends, also by an error or Ctrl-C, `folder.path` becomes `folder.out`,
-    or is removed if it has no summary.json.
+    The folder appears by `folder.appear()`, or when the block ends, also by an error or
+    Ctrl-C. If it has no summary.json, it is removed.
 
     Args:
         out: folder of the run.
@@ -195,11 +202,14 @@ def run_folder(
             raise files.cannot_write(out, error) from None
         try:
             yield folder
+        except BaseException:
+            for unfinished in folder.path.glob(".*.new.*"):  # by the drawing process
+                files.remove(unfinished)
+            raise
         finally:
-            status = files.read_summary(path).get("status")
-            if status:
+            folder.appear()
+            if folder.path == folder.out:
                 cleanup.pop_all()
-                folder.appear(str(status))
 
 
 def _place(out: Path) -> Path:

@@ -108,6 +108,12 @@ def awaited(call: Callable[[], Any], limit: float = inf) -> Any:
     TimeoutError after `limit` [s]; nobody waits for the thread then."""
     future: Future[Any] = Future()
     Thread(target=_fulfil, args=(future, call), daemon=True).start()
+    return result_of(future, limit)
+
+
+def result_of(future: Future[Any], limit: float = inf) -> Any:
+    """Return the result of a future, and serve signals meanwhile. Raises TimeoutError
+    after `limit` [s]."""
     until = monotonic() + limit
     while not future.done() and monotonic() < until:
         raise_if_interrupted()

@@ -3,51 +3,27 @@ curves, and encoded."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 from taichi_disk.errors import NoPictures
-from taichi_disk.machine import REMEDY
+from taichi_disk.machine import driver_problem
+from taichi_disk.render.artist import Artist
 
 
-def film_problem() -> str | None:
-    """Return why this machine cannot make films, with the command that helps, or None.
-    Needs no `ti.init`."""
-    try:
-        from taichi_disk.engine import internals, ti
-    except ImportError as error:
-        return f"Taichi cannot be loaded ({error}); as root: {REMEDY}"
-    with _silent_stderr():
-        has_vulkan = internals.has_vulkan(ti)
-    if not has_vulkan:
-        return (
-            "there is no Vulkan driver here, which draws the pictures of MP4, WebM, GIF"
-            f" and PNG; as root: {REMEDY}"
-        )
-    return None
+def film_problem(artist: Artist | None = None) -> str | None:
+    """Return why this machine cannot make films, with what helps, or None. Needs no
+    `ti.init`. `artist`: may have tried the drivers in its process."""
+    from taichi_disk.engine import internals, ti
+
+    artist = artist or Artist()
+    state = artist.driver_state()
+    if not state and not internals.has_vulkan(ti):
+        state = "cannot be used by Taichi"
+    if not state:
+        return None
+    return driver_problem(state)
 
 
-def require_film() -> None:
-    """Raise NoPictures unless this machine can make films."""
-    problem = film_problem()
+def require_film(artist: Artist | None = None) -> None:
+    """Raise NoPictures unless this machine can make films; `artist` as above."""
+    problem = film_problem(artist)
     if problem:
         raise NoPictures(problem)
-
-
-@contextmanager
-def _silent_stderr() -> Iterator[None]:
-    """Drop what libraries write to the standard error: without a driver, Taichi writes
-    "RHI Error", which says no more than our message."""
-    try:
-        stderr = os.dup(2)
-    except OSError:  # it is closed
-        yield
-        return
-    try:
-        with open(os.devnull, "wb") as nowhere:
-            os.dup2(nowhere.fileno(), 2)
-        yield
-    finally:
-        os.dup2(stderr, 2)
-        os.close(stderr)

@@ -10,7 +10,7 @@ import pickle
 import sys
 from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor, wait
+from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import partial
 from typing import Any
@@ -20,13 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_disk.errors import SimulationError
-from taichi_disk.machine import can_start_python
-from taichi_disk.processes.pool import Pool, awaited
-from taichi_disk.signals import POLL_INTERVAL, raise_if_interrupted
+from taichi_disk.machine import can_start_python, driver_state
+from taichi_disk.processes.pool import Pool, result_of
 
 # after this time a picture is drawn again in this process [s]; it takes 0.5 s, but a
 # first import of Matplotlib looks at all fonts
 _DRAWING_TIME = 60.0
+_TRIAL_TIME = 20.0  # after this time a driver hangs [s]; to load all takes 0.1 s
 WAITING = 6  # calls that may wait for the second process
 HAS_SHARED_MEMORY = hasattr(os, "memfd_create")  # Linux
 
@@ -38,8 +38,21 @@ class Artist:
     """Calls functions in a second process, one after the other; in this process, if
     there is no second one, or if it fails or does not answer."""
 
-    def __init__(self, pool: Pool | None = None) -> None:
+    def __init__(
+        self, pool: Pool | None = None, trial: Callable[[], str] = driver_state
+    ) -> None:
         self._pool = pool
+        self._trial = trial
+
+    def driver_state(self) -> str:
+        """Return what is wrong with the Vulkan drivers, or ""; they are tried in the
+        second process, if it makes a film."""
+        try:
+            return self._trial()
+        except BrokenExecutor as error:
+            return f"crashed with {error}"
+        except TimeoutError:
+            return f"did not answer for {_TRIAL_TIME:g} s"
 
     def begin(self, draw: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
         """Begin `draw(*arguments)`, and return a function that waits for its value.
@@ -67,7 +80,7 @@ class Artist:
 
         def submit(function: Callable[..., None], *values: Any) -> None:
             if len(waiting) == WAITING:
-                _wait_for(waiting.popleft())
+                result_of(waiting.popleft())
             waiting.append(executor.submit(function, *values))
 
         try:
@@ -75,7 +88,7 @@ class Artist:
             yield partial(submit, _call)
             submit(_call, "close")
             for call in waiting:
-                _wait_for(call)
+                result_of(call)
         except BaseException as error:
             executor.kill()
             self._pool = None
@@ -122,15 +135,9 @@ def _call(name: str, *values: Any) -> None:
     getattr(_employed[0], name)(*values)
 
 
-def _wait_for(call: Future[None]) -> None:
-    while not wait([call], POLL_INTERVAL).done:
-        raise_if_interrupted()
-    call.result()
-
-
 def _finish(answer: Future[Any], here: Callable[[], Any]) -> Any:
     try:
-        return awaited(answer.result, _DRAWING_TIME)
+        return result_of(answer, _DRAWING_TIME)
     except Exception:  # an error of the drawing itself comes again here
         return here()
 
@@ -138,16 +145,21 @@ def _finish(answer: Future[Any], here: Callable[[], Any]) -> Any:
 @contextmanager
 def drawing_process(film: bool) -> Iterator[Artist]:
     """Yield an `Artist` whose process ends with the block. It has a process if a `film`
-    is made, or if this process has not imported Matplotlib yet."""
+    is made, or if this process has not imported Matplotlib yet. For a film it tries the
+    Vulkan drivers, which may crash."""
     pool = None
+    trial = driver_state
     if can_start_python() and (film or "matplotlib" not in sys.modules):
         with suppress(OSError):  # there is no room for another process
             pool = Pool(1)
+            if film:
+                tried = pool.submit(driver_state)
+                trial = partial(result_of, tried, _TRIAL_TIME)
             pool.submit(_import_matplotlib)
             if film:
                 pool.submit(_import_finisher)
     try:
-        yield Artist(pool)
+        yield Artist(pool, trial)
     finally:
         if pool is not None:
             pool.kill()

@@ -22,6 +22,7 @@ from taichi_disk.render import require_film
 from taichi_disk.render.artist import Artist
 from taichi_disk.render.letters import Letters, lacking
 from taichi_disk.render.moments import (
+    EASE,
     WHOLE,
     Caption,
     Run,
@@ -29,6 +30,7 @@ from taichi_disk.render.moments import (
     captions,
     check_runs,
     cues,
+    ringing,
     still_cue,
     titles,
 )
@@ -98,7 +100,7 @@ def draw_film(
     """
     check_target(path)
     check_runs(runs, labels)
-    require_film()
+    require_film(artist)
     size, fps = video.size_and_rate(path.suffix[1:])
     metadata = film_origin(runs, video)
     if path.suffix == ".gif":
@@ -107,15 +109,22 @@ def draw_film(
         if video.draw == "both" and finest > _GIF_POINTS:
             video = replace(video, draw="field")
     flights = [Flight.of(run, video.flight) for run in runs]
+    stronger = [ringing_factor(run, video) for run in runs]
     if path.suffix == ".png":
         shots = [still_cue(runs[0], span)]
         video = replace(video, supersample=2.0)
     else:
         frames = round(fps * video.seconds)
-        shots = cues(runs, common_span(flights), frames, fps, span)
-    words = [captions(run, shots) for run in runs]
+        rings = max(stronger) > 1.0
+        shots = cues(runs, common_span(flights), frames, fps, span, rings)
+    words = [
+        captions(run, shots, factor, EASE * fps)
+        for run, factor in zip(runs, stronger, strict=True)
+    ]
     letters = fitting_letters(
-        Letters(size, video.text, video.theme), words, disk_width(size, len(runs))
+        Letters(size, video.text, video.theme, video.words == "few"),
+        words,
+        disk_width(size, len(runs)),
     )
     names = titles(runs, labels)
     _note_lacking_letters(names)
@@ -166,6 +175,13 @@ def common_span(flights: Sequence[Flight]) -> tuple[float, float]:
     return start, max(shortest_flight, last_run)
 
 
+def ringing_factor(run: Run, video: VideoSection) -> float:
+    """Return how many times stronger a film shows the vibration after an impact."""
+    if video.ringing == "none":
+        return 1.0
+    return ringing(run)
+
+
 def film_origin(runs: Sequence[Run], video: VideoSection) -> str:
     return origin(*(replace(run.scenario.stored_scene, video=video) for run in runs))
 
@@ -186,12 +202,14 @@ def _pictures(
     for one, lines, each in zip(recordings, names, words, strict=True):
         painter = painter_of(one, video, scales)
         title = Title(lines[0], enlarged=enlarged)
-        if video.words == "all":
+        if not letters.are_few:
             parameters = "    ".join(lines[1:]).split("    ")
             title = Title(lines[0], parameters, painter.remarks, enlarged)
         disks.append(Disk(painter, title, each, one.outer_positions(scales.magnify)))
     xmin, xmax, ymin, ymax = scales.view
-    if letters.footer and not disks[0].painter.has_elastic_wall:
+    if disks[0].painter.has_elastic_wall:
+        ymin *= 0.5  # the wall's upper half
+    elif letters.footer:
         ymin = max(one.edge for one in recordings)  # the wall's body carries the scales
     view = xmin, xmax, ymin, ymax
     return Pictures(disks, letters, view, video.supersample, panel)
@@ -228,9 +246,9 @@ def _drawn(
     for now in zip(*words, strict=True):
         raise_if_interrupted()
         if not before or now[0].t != before[0].t:
-            drawn = pictures.draw(next(states))
+            state = next(states)
         if now == before:
             yield ("repeat",)
         else:
-            yield "write", drawn, pictures.lines(now), now[0].t
+            yield "write", pictures.draw(state, now), pictures.lines(now), now[0].t
         before = now

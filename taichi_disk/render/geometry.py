@@ -93,24 +93,31 @@ class Camera:
 
 
 def placed(
-    lattice: Lattice, x: Array, magnify: float, edge: float = -math.inf
+    lattice: Lattice,
+    x: Array,
+    magnify: float,
+    edge: float = -math.inf,
+    ringing: float = 1.0,
 ) -> Array:
     """Return where points at `x` (n, 2) are drawn [R] if displacements are magnified.
 
     Displacements are taken relative to the initial lattice, rotated like the disk, with
-    its lowest point at the same height. No point is drawn below the lowest one of `x`
+    its lowest point at the same height; those of a `ringing`, which is shown so many
+    times stronger, with its centre there. No point is drawn below the lowest one of `x`
     or the `edge` of a rigid wall [R], so that the wall stays impenetrable.
     """
     out = np.array(x, order="C")
-    if magnify == 1.0:
+    if magnify * ringing == 1.0:
         return out
     now = out[: lattice.disk_points]
+    floor = min(now[:, 1].min(), edge)
     disk = _unloaded(lattice, x)
     across = now[:, 0].mean() - disk[:, 0].mean()
     up = now[:, 1].min() - disk[:, 1].min()
     disk += [across, up]
-    floor = min(now[:, 1].min(), edge)
     now[:] = disk + magnify * (now - disk)
+    disk += (now - disk).mean(axis=0)
+    now[:] = disk + ringing * (now - disk)
     now[:, 1] = np.maximum(now[:, 1], floor)
     return out
 

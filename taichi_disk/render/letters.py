@@ -21,11 +21,13 @@ LEAST = 11.0  # smallest size of letters [px]
 # never become smaller than LEAST.
 _MARGIN = 24.0
 _HEADING = 26.0
+_RESULT = 36.0
 _TEXT = 20.0
 _SMALL = 18.0
 BAR_HEIGHT = 16.0
 BAR_BELOW = 28.0
-_LEADING = 1.3  # distance of baselines over the size of letters
+_FEW_BELOW = 2.4  # height of the wall that carries one line, over the size of letters
+LEADING = 1.3  # distance of baselines over the size of letters
 _LABELLED = 240  # smallest picture with room for text [px]
 _NO_LETTER = "\U0010ffff"  # which fonts draw as they draw letters that they lack
 
@@ -130,23 +132,32 @@ class Line(NamedTuple):
 
 class Letters:
     """The letters of a picture of `height` [px], larger by the user's `factor`.
+    `are_few`: whether only the most important words are shown.
 
     Attributes:
         unit: 1 in a picture of 720 pixels.
         margin: distance of words to the sides of the picture [px].
         footer: height of the scales [px]; 0 in a picture without room for words.
-        heading, motion, text, faint, small: faces of the words.
+        heading, motion, result, text, faint, small: faces of the words.
     """
 
-    def __init__(self, height: int, factor: float = 1.0, theme: str = "light") -> None:
+    def __init__(
+        self,
+        height: int,
+        factor: float = 1.0,
+        theme: str = "light",
+        are_few: bool = False,
+    ) -> None:
         colours = THEMES[theme]
         self.height = height
         self.unit = height / 720
         self.margin = max(_MARGIN * self.unit, 7.0)
         self._factor = factor
         self._theme = theme
+        self.are_few = are_few
         self.heading = Face(self.size(_HEADING), ink(colours.ink), bold=True)
         self.motion = Face(self.size(_HEADING), ink(colours.velocity), bold=True)
+        self.result = Face(self.size(_RESULT), ink(colours.ink), bold=True)
         self.text = Face(self.size(_TEXT), ink(colours.ink))
         self.faint = Face(self.size(_TEXT), ink(colours.faint))
         self.small = Face(self.size(_SMALL), ink(colours.ink))
@@ -155,9 +166,11 @@ class Letters:
         if self.has_words:
             bar = (BAR_BELOW + BAR_HEIGHT) * self.unit
             self.footer = even(bar + 3.9 * self.small.size)
+        if self.has_words and are_few:
+            self.footer = even(_FEW_BELOW * self.small.size)
 
     def smaller(self, part: float) -> Letters:
-        return Letters(self.height, part * self._factor, self._theme)
+        return Letters(self.height, part * self._factor, self._theme, self.are_few)
 
     def size(self, size: float) -> float:
         return max(size * self.unit * self._factor, LEAST)
@@ -171,7 +184,7 @@ class Letters:
         baseline = self.margin + 0.85 * max(self.heading.size, first.size)
         for text, face in words:
             if lines:
-                baseline += _LEADING * max(face.size, lines[-1].face.size)
+                baseline += LEADING * max(face.size, lines[-1].face.size)
             lines.append(Line(text, face, x, baseline, part))
         return lines
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -18,18 +19,26 @@ from taichi_disk.computation.contact import (
 from taichi_disk.computation.outcome import Outcome
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Array
+from taichi_disk.output.plot import last_motion
 
 Run = Outcome
 
 BEFORE = "before t = 0"
+AFTER = "after t = {:.1f} R/c"
 MOMENTS = {"greatest": "greatest compression", "contact": "first contact", "end": ""}
 # fractions of a film: still pictures at the start, at the greatest compression and at
 # the end
 _START = 0.035
 _PAUSE = 0.05
 _END = 0.15
+_BESIDE_CONTACT = (
+    0.32  # time of the curves before and after a contact, over its duration
+)
 _AROUND_CONTACT = 0.06  # shown in slow motion, too; over the duration of the contact
 _FLIGHT = 0.12  # film time of a flight over that of the contact
+# If a ringing is shown, the film moves on instead of standing still at the end.
+_RINGING_FLIGHT = 0.28
+_RINGING_END = 0.05
 _CHANGE = 0.2  # fraction of a flight in which the pace changes
 # samples of the pace of a whole film; a film of a part of the run keeps this pace
 _PACE_TIMES = 1000
@@ -37,6 +46,14 @@ _PACE_TIMES = 1000
 # this many times faster.
 _SLOW = 1.1
 _MUCH_SLOWER = 1.5
+# A ringing is shown so strong that it stores this fraction, as an amplitude, of the
+# greatest compression, but not much stronger than it is.
+_RINGING = 0.5
+_MAX_RINGING = 6
+_DAMPED = (
+    10  # dashpots have taken a ringing that would have to be so many times stronger
+)
+EASE = 0.7  # until a ringing is as strong [s]
 _NEAR_PEAK = 0.01  # relative distance of times that count as the same moment
 
 
@@ -52,10 +69,13 @@ class Cue:
 @dataclass(frozen=True)
 class Caption(Cue):
     """A picture of one run, with all of its changing words. `lines` begin with the time
-    and the number that stands for the main curve."""
+    and the number that stands for the main curve. `ringing`: factor by which it is
+    shown stronger, of which the `remarks` speak."""
 
     lines: tuple[str, ...] = ()
     result: str = ""
+    ringing: float = 1.0
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -106,9 +126,22 @@ def contact_of(run: Run) -> tuple[float, float]:
     return contact_interval(columns)
 
 
-def film_times(whole: tuple[float, float], runs: Sequence[Run], longest: Run) -> Array:
+def curve_span(run: Run) -> tuple[float, float]:
+    """Return the first and last time of the curves beside a film [R/c]."""
+    t = run.series["t"]
+    if not run.scenario.is_thrown:
+        return float(t[0]), last_motion(run.series)
+    start, end = contact_of(run)
+    beside = _BESIDE_CONTACT * (end - start)
+    return start - beside, min(end + beside, float(t[-1]))
+
+
+def film_times(
+    whole: tuple[float, float], runs: Sequence[Run], longest: Run, second_flight: float
+) -> Array:
     """Return the times (_PACE_TIMES,) [R/c] of a film over the times `whole`, at a pace
-    that changes smoothly from the flights to the slow motion of the contact."""
+    that changes smoothly from the flights to the slow motion of the contact.
+    `second_flight`: its film time over that of the contact."""
     if not longest.scenario.is_thrown:
         return longest.scenario.frame_times(longest.series, _PACE_TIMES)
     contacts = np.array([contact_of(run) for run in runs])
@@ -122,7 +155,8 @@ def film_times(whole: tuple[float, float], runs: Sequence[Run], longest: Run) ->
     part = np.minimum(away / np.maximum(_CHANGE * flight, 1e-9), 1.0)
     # The pace, over the slowest, grows up to `fastest` evenly in the film's time, so
     # its square does in the run's.
-    fastest = np.maximum((1.0 + _CHANGE) * flight / (_FLIGHT * (second - first)), 1.0)
+    film_time = np.where(t < first, _FLIGHT, second_flight) * (second - first)
+    fastest = np.maximum((1.0 + _CHANGE) * flight / film_time, 1.0)
     number = np.cumsum(1.0 / np.sqrt(1.0 + part * (fastest**2 - 1.0)))
     return np.interp(np.linspace(number[0], number[-1], _PACE_TIMES), number, t)
 
@@ -133,12 +167,18 @@ def cues(
     frames: int,
     fps: int,
     span: Span,
+    rings: bool = False,
 ) -> list[Cue]:
     """Return the cues of a film. Still pictures are repeated times.
 
-    `flights`: first and last time of the whole film [R/c]. Raises InputError for an
-    empty span.
+    `flights`: first and last time of the whole film [R/c]; `rings`: whether a ringing
+    is shown stronger. Raises InputError for an empty span.
     """
+    last_part = _END
+    second_flight = _FLIGHT
+    if rings:
+        last_part = _RINGING_END
+        second_flight = _RINGING_FLIGHT
     longest = max(runs, key=lambda run: float(run.series["t"][-1]))
     columns = longest.series
     first, last = flights
@@ -155,10 +195,10 @@ def cues(
     count = max(3, frames)
     start = round(_START * count) if first == flights[0] else 0
     pause = round(_PAUSE * count) if first <= peak <= last else 0
-    end = max(round(_END * count), 1) if last >= columns["t"][-1] else 0
+    end = max(round(last_part * count), 1) if last >= columns["t"][-1] else 0
     moving = count - start - pause - end
     # A part of a film keeps the pace of the whole.
-    every = film_times(flights, runs, longest)
+    every = film_times(flights, runs, longest, second_flight)
     number = np.arange(_PACE_TIMES)
     begin, stop = np.interp([first, last], every, number)
     places = np.linspace(begin, stop, moving)
@@ -190,7 +230,7 @@ def _pace_words(run: Run, pace: float, is_slow: bool, factor: float) -> tuple[st
         return ()
     text = run.scenario.words.pace.format(float(f"{pace:.2g}"))
     if is_slow and factor > _MUCH_SLOWER:
-        return text, f"slow motion, {factor:.0f} times"
+        return text, f"slowed {factor:.0f} times"
     return (text,)
 
 
@@ -199,8 +239,27 @@ def still_cue(run: Run, span: Span) -> Cue:
     return Cue(t, MOMENTS.get(str(span.at), ""))
 
 
-def captions(run: Run, cues: Sequence[Cue]) -> list[Caption]:
-    """Return the words of each picture of `run`."""
+def ringing(run: Run) -> float:
+    """Return how many times stronger the vibration after an impact must be shown to be
+    seen; 1 if it is strong enough, if dashpots have taken it, or if an elastic wall
+    rings, too."""
+    scenario = run.scenario
+    if not scenario.is_thrown or len(scenario.lattice.wall_surface):
+        return 1.0
+    _, end = contact_of(run)
+    elastic = run.series["elastic"]
+    left = elastic[run.series["t"] >= end].mean()
+    factor = round(_RINGING * math.sqrt(elastic.max() / max(left, 1e-300)))
+    if factor > _DAMPED:
+        return 1.0
+    return float(max(min(factor, _MAX_RINGING), 1))
+
+
+def captions(
+    run: Run, cues: Sequence[Cue], stronger: float = 1.0, ease: float = 1.0
+) -> list[Caption]:
+    """Return the words of each picture of `run`. `stronger`: factor of its `ringing`,
+    which grows from 1 over `ease` pictures."""
     columns = run.series
     scenario = run.scenario
     peak = greatest_compression(columns)
@@ -208,9 +267,11 @@ def captions(run: Run, cues: Sequence[Cue]) -> list[Caption]:
     if scenario.is_thrown:
         _, result_time = contact_of(run)
     result = scenario.words.marks[0].format(**scenario.result(columns))
+    _, curves_end = curve_span(run)
     found = []
     times = [cue.t for cue in cues]
     rows = [np.interp(times, columns["t"], each) for each in columns.values()]
+    after = 0  # number of pictures since the result
     for cue, values in zip(cues, np.transpose(rows), strict=True):
         row = dict(zip(columns, values, strict=True)) | {"t": cue.t}
         lines = scenario.caption(row)
@@ -218,13 +279,22 @@ def captions(run: Run, cues: Sequence[Cue]) -> list[Caption]:
         shown_result = ""
         if cue.t < 0.0:
             lines = (BEFORE, *lines[1:])
+        if scenario.is_thrown and cue.t > curves_end:
+            lines = (AFTER.format(curves_end), *lines[1:])
         if cue.t >= result_time:
             shown_result = result
-            if not scenario.is_thrown:
-                lines = lines[:1]  # the result says it with more digits
+            after += 1
+            if len(lines) == 2:
+                lines = lines[:1]  # the result is the same number with more digits
         if note == MOMENTS["greatest"] and abs(cue.t - peak) > _NEAR_PEAK * peak:
             note = ""  # the cue belongs to another run
-        found.append(Caption(cue.t, note, cue.pace, lines, shown_result))
+        remarks: tuple[str, ...] = ()
+        if after and stronger > 1.0:
+            remarks = "the ringing,", f"shown {stronger:g} times stronger"
+        part = min(after / ease, 1.0)
+        factor = stronger ** (part * part * (3.0 - 2.0 * part))
+        words = lines, shown_result, factor, remarks
+        found.append(Caption(cue.t, note, cue.pace, *words))
     return found
 
 

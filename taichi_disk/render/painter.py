@@ -72,6 +72,7 @@ class Painter:
             `geometry.edge_height`.
         spoke: point to which a line is drawn from the disk's centre; -1: none.
         magnify: factor by which displacements are magnified, see `placed`.
+        ringing: factor by which colours and displacements are shown stronger.
     """
 
     lattice: Lattice
@@ -86,6 +87,7 @@ class Painter:
     edge: float = 0.0
     spoke: int = -1
     magnify: float = 1.0
+    ringing: float = 1.0
 
     def __post_init__(self) -> None:
         self.triangles = Triangles(self.lattice)
@@ -117,7 +119,8 @@ class Painter:
     def normalised(self, values: Array) -> Array:
         """Return `values` as positions 0 to 1 in the colour map; for fringes, the
         fringe order."""
-        parts = values / self.limit
+        stronger = self.ringing ** QUANTITIES[self.colour].power
+        parts = stronger * values / self.limit
         if self.signed:
             parts = 0.5 + 0.5 * parts
         return np.asarray(parts)
@@ -147,7 +150,7 @@ class Painter:
 
     def placed(self, x: Array) -> Array:
         """Return where points at `x` (n, 2) are drawn [R]: see `geometry.placed`."""
-        return geometry.placed(self.lattice, x, self.magnify, self.edge)
+        return geometry.placed(self.lattice, x, self.magnify, self.edge, self.ringing)
 
     def paint(
         self,

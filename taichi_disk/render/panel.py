@@ -7,13 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from taichi_disk.output.panel import ON_DARK, PanelScene, factored
-from taichi_disk.output.plot import axis_labels, curves, last_motion
+from taichi_disk.output.plot import axis_labels, curves
 from taichi_disk.render.letters import Letters
-from taichi_disk.render.moments import Run, contact_of
+from taichi_disk.render.moments import Run, curve_span
 from taichi_disk.render.palette import THEMES
 
 _WIDTH = 7 / 9  # over the height: with one disk, a film is 16 : 9
-_BESIDE_CONTACT = 0.32  # shown before and after a contact, over its duration
 _COMING = {"light": "#B8B8B7", "dark": "#54575E"}
 _LETTER = 20.0  # size of letters in a picture of 720 pixels [px]
 
@@ -22,7 +21,7 @@ def panel_scene(run: Run, letters: Letters, theme: str) -> PanelScene:
     columns = run.series
     size = 2 * round(letters.height * _WIDTH / 2), letters.height
     # Twice as many samples as columns are enough, and quick to send.
-    times = np.linspace(*_span(run), 2 * size[0])
+    times = np.linspace(*curve_span(run), 2 * size[0])
     shown = []
     labels = []
     for panel, label in enumerate(axis_labels(run.scenario.words)):
@@ -44,13 +43,3 @@ def panel_scene(run: Run, letters: Letters, theme: str) -> PanelScene:
         letter=letters.size(_LETTER),
         colours=vars(THEMES[theme]) | {"coming": _COMING[theme]},
     )
-
-
-def _span(run: Run) -> tuple[float, float]:
-    """Return the first and last time of the curves [R/c]."""
-    t = run.series["t"]
-    if not run.scenario.is_thrown:
-        return float(t[0]), last_motion(run.series)
-    start, end = contact_of(run)
-    beside = _BESIDE_CONTACT * (end - start)
-    return start - beside, min(end + beside, float(t[-1]))

@@ -19,7 +19,14 @@ from taichi_disk.render.moments import Caption
 from taichi_disk.render.offscreen import open_window
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import THEMES, ink
-from taichi_disk.render.words import Legend, Scales, Title, caption_lines, legend
+from taichi_disk.render.words import (
+    Legend,
+    Scales,
+    Title,
+    caption_lines,
+    legend,
+    remark_lines,
+)
 
 _MARGIN = 8.0  # margin beside the view in a picture of 720 pixels [px]
 # width of the strip drawn around the view, which outlines and the wall's edge need [px]
@@ -177,13 +184,15 @@ class Pictures:
         )
         self._window = open_window(drawn)
 
-    def draw(self, states: Sequence[State]) -> list[Drawn]:
-        """Draw each disk."""
+    def draw(self, states: Sequence[State], captions: Sequence[Caption]) -> list[Drawn]:
+        """Draw each disk, its ringing as strong as its caption says."""
         drawn = []
         canvas = self._window.get_canvas()
         is_soft = self._window.is_soft
         unit = self._letters.unit * self._supersample
-        for painter, (_, x, v) in zip(self._painters, states, strict=True):
+        disks = zip(self._painters, states, captions, strict=True)
+        for painter, (_, x, v), caption in disks:
+            painter.ringing = caption.ringing
             placed = painter.placed(x)
             painter.paint(canvas, self._camera, x, v, placed, unit, is_soft)
             image = self._window.get_image_buffer_as_numpy()
@@ -199,8 +208,9 @@ class Pictures:
         width = self.finisher.width
         lines: list[Placed] = []
         for k, caption in enumerate(captions):
-            for line in caption_lines(self._letters, caption, width):
-                lines.append((line, k * width, 0.0))
+            words = caption_lines(self._letters, caption, width)
+            words += remark_lines(self._letters, caption, width)
+            lines += [(line, k * width, 0.0) for line in words]
         below = self._letters.height - self._letters.footer
         for line in self._scales.pace_lines(captions[0].pace):
             lines.append((line, 0.0, below))

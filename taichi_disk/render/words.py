@@ -16,10 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_disk.fields import FRINGES, QUANTITIES
-from taichi_disk.output.panel import RAISED, factored
+from taichi_disk.output.panel import factored
+from taichi_disk.output.plot import RAISED
 from taichi_disk.render.letters import (
     BAR_BELOW,
     BAR_HEIGHT,
+    LEADING,
     LEAST,
     Box,
     Face,
@@ -48,13 +50,30 @@ def caption_lines(letters: Letters, caption: Caption, width: int) -> list[Line]:
     """Return the changing words at the upper right of a picture of `width` [px]."""
     if not letters.has_words:
         return []
-    words = [(text, letters.text) for text in caption.lines]
-    if len(words) > 1:
-        words[1] = caption.lines[1], letters.motion
+    first, *others = caption.lines
+    words = [(first, letters.small)]
+    if letters.are_few and (others or caption.result):
+        words = []
+    words += zip(others, (letters.motion, letters.text), strict=False)
     words += [(text, letters.text) for text in caption.note.split()]
     if caption.result:
-        words.append((caption.result, letters.heading))
+        words.append((caption.result, letters.result))
     return letters.stacked(words, width - letters.margin, part=1.0)
+
+
+def remark_lines(letters: Letters, caption: Caption, width: int) -> list[Line]:
+    """Return the remarks of a caption, above the scales at the right of a picture of
+    `width` [px]."""
+    if not letters.has_words:
+        return []
+    size = letters.small.size
+    lowest = letters.height - letters.footer - 0.85 * size
+    right = width - letters.margin
+    rows = lowest - LEADING * size, lowest
+    return [
+        Line(text, letters.small, right, row, part=1.0)
+        for text, row in zip(caption.remarks, rows, strict=False)
+    ]
 
 
 def samples(captions: Sequence[Caption]) -> list[Caption]:
@@ -216,7 +235,7 @@ class Scales:
         bar_width = max(min(_BAR_WIDTH * width, room), _MIN_BAR_WIDTH * width)
         self._bar_width = round(bar_width)
         self._left = (width - self._bar_width) // 2
-        if letters.has_words:
+        if letters.has_words and not letters.are_few:
             self._add_colours()
             self._add_force(scale)
             self._add_ends()
@@ -291,8 +310,12 @@ class Scales:
     def pace_lines(self, pace: Sequence[str]) -> list[Line]:
         """Return the words of the film's pace, at the right."""
         right = self._width - self._letters.margin
+        rows = [self._numbers_row, self._words_row]
+        if self._letters.are_few:
+            pace = pace[1:]
+            rows = [1.5 * self._letters.small.size]
         lines: list[Line] = []
-        for text, row in zip(pace, (self._numbers_row, self._words_row), strict=False):
+        for text, row in zip(pace, rows, strict=False):
             lines += self._line(text, right, row, part=1.0)
         return lines
 
@@ -307,7 +330,8 @@ class Scales:
         ground = theme.ground if self._painter.has_elastic_wall else theme.wall
         if letters.has_words:
             picture[top:, : self._width, :3] = ink(ground)
-            self._draw_bar(picture[top + self._top :])
+            if not letters.are_few:
+                self._draw_bar(picture[top + self._top :])
             if self._tip > letters.margin:
                 row = top + self._top + self._bar_height / 2
                 self._draw_arrow(image, row, ink(ground))

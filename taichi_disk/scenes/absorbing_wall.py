@@ -29,6 +29,13 @@ if TYPE_CHECKING:
     from taichi_disk.physics import Model, Springs
 
 
+_WALLS = {
+    "reset": "wall that swallows waves",
+    "dashpot": "wall that swallows waves by dashpots",
+    "pinned": "wall that reflects waves",
+}
+
+
 class AbsorbingWallScene(ImpactScene):
     """A scene with an elastic wall, as read from its file."""
 
@@ -204,9 +211,4 @@ class AbsorbingWallScene(ImpactScene):
         return matched_impedance(lattice, p, s)
 
     def described(self, lattice: Lattice) -> str:
-        wall = self.wall
-        boundary: str = wall.boundary
-        if boundary == "reset":
-            boundary = f"reset every {wall.reset_interval:g} R/c"
-        disk = super().described(lattice)
-        return f"{disk}    wall of {wall.points:,}, boundary: {boundary}"
+        return f"{super().described(lattice)}    {_WALLS[self.wall.boundary]}"

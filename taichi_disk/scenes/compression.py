@@ -248,7 +248,6 @@ class Compression(Scenario):
             motion="compression ξ  [R]",
             momentary=("compression ξ", "R"),
             quality=("largest force on\na point  [Mc²/R]", "log"),
-            end="at rest",
             truncation_remedy="write compression.method: newton",
         )
 
@@ -263,6 +262,10 @@ class Compression(Scenario):
             parameters,
             scene.described(self.lattice),
         )
+
+    def conclusion(self, columns: Columns) -> str:
+        xi = self.result(columns)["xi"]
+        return f"Its centre lies {xi:.3g} R lower than without the load."
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
         return *super().caption(row), _shown(self.momentary_motion(row))

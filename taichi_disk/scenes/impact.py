@@ -12,14 +12,21 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from taichi_disk.computation.contact import CONTACT_LEVEL, contact_interval
-from taichi_disk.computation.scenario import Array, Scenario, Words, signed, time_text
+from taichi_disk.computation.scenario import (
+    Array,
+    Scenario,
+    Words,
+    minus,
+    signed,
+    time_text,
+)
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Lattice, disk_of
 from taichi_disk.lattice.network import bending_compliance, network_stiffness
 from taichi_disk.scenes import oblique
 from taichi_disk.scenes.conflicts import Conflicts, gap_conflicts
 from taichi_disk.scenes.scene import DiskScene
-from taichi_disk.simulation.observables import Columns
+from taichi_disk.simulation.observables import BY_NAME, Columns, of_kind, split
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -46,6 +53,8 @@ BENDING_POTENTIAL = 1e-10
 # largest path per step, in decay lengths of the wall, at which a second run shows the
 # error
 RESOLVED = 0.49
+
+LEAST_SHARE = 5e-4  # of the energy that is worth a word
 
 LABELS = {
     "restitution": ("restitution e", ""),
@@ -177,8 +186,12 @@ class ImpactScene(DiskScene):
     def view(self, lattice: Lattice, gap: float) -> tuple[float, float, float, float]:
         """Return (xmin, xmax, ymin, ymax) of the film [R]."""
         # about the path along the wall, there and back
-        along = 3.0 * gap * float(np.tan(self.impact.angle))
-        return min(along, 0.0) - 1.1, max(along, 0.0) + 1.1, -0.1, 2.0 + gap
+        contact = gap * float(np.tan(self.impact.angle))
+        path = [0.0, 3.0 * contact]
+        if self.wall.friction:  # by which a spin that rolls turns into motion
+            rolling = (2.0 * self.impact.along - self.impact.spin) / 3.0
+            path.append(contact + 1.2 * gap * rolling / self.impact.towards)
+        return min(path) - 1.1, max(path) + 1.1, -0.1, 2.0 + gap
 
     def _shape(self, body: Lattice, springs: Springs) -> Shape:
         disk = disk_of(body)
@@ -380,6 +393,35 @@ class ImpactScenario(Scenario):
             np.sqrt(columns["com_vy"][-1] ** 2 + 2.0 * max(columns["wall"][-1], 0.0))
         )
 
+    def conclusion(self, columns: Columns) -> str:
+        up = self._speed_after(columns)
+        text = f"It comes back with {up / self.speed_before:.3f} of its speed"
+        if self.scene.is_oblique:
+            along = float(columns["com_vx"][-1])
+            side = "right" if along > 0.0 else "left"
+            angle = np.degrees(np.arctan2(abs(along), up))
+            kept = np.hypot(along, up) / self.scene.impact.velocity
+            spin = minus(columns["angular_momentum"][-1] / self.shape.inertia)
+            text = (
+                f"It leaves {angle:.0f}° to the {side} with {kept:.3f} of its speed and"
+                f" a spin of {spin} c/R"
+            )
+        energies = split(columns, self.shape.inertia)
+        energy = energies["kinetic"][0]
+        ringing = energies["vibration"][-1] + energies["elastic"][-1]
+        shares = {"{:.2g} % still rings": ringing / energy}
+        for name in of_kind("loss"):
+            words = f"{BY_NAME[name].label} took {{:.2g}} %"
+            shares[words] = energies[name][-1] / energy
+        parts = [
+            words.format(100.0 * share)
+            for words, share in shares.items()
+            if share > LEAST_SHARE
+        ]
+        if parts:
+            text += f". Of the energy, {', '.join(reversed(parts))}"
+        return f"{text}."
+
     def motion(self, columns: Columns) -> Array:
         return columns["com_vy"] / self.velocity
 
@@ -396,7 +438,6 @@ class ImpactScenario(Scenario):
             marks=("e = {restitution:.3f}", "contact time {contact_time:.4g} R/c"),
             motion=motion,
             quality=("energy imbalance\n/ initial kinetic", "linear"),
-            end="the disk has left",
             truncation_remedy="a larger impact.gap ends it farther from the wall",
         )
 
@@ -419,7 +460,10 @@ class ImpactScenario(Scenario):
             words.append(f"turned by {impact.turn:g}")
         if self.own.velocities is not None:
             words.append("own velocities")
-        return scene.heading, "    ".join(words), scene.described(self.lattice)
+        heading = scene.heading
+        if impact.spin:
+            heading = "Impact with spin"
+        return heading, "    ".join(words), scene.described(self.lattice)
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
         time = time_text(row["t"])

@@ -139,8 +139,8 @@ class PointFields:
     def contents(
         self, lattice: Lattice, arrangement: Arrangement, start: Sequence[Array]
     ) -> Contents:
-        n = len(lattice.masses)
         masses = lattice.masses
+        n = len(masses)
         vectors = np.zeros((n + self.fillers, len(self.vectors), 2))
         for k, values in enumerate(start):
             vectors[:n, k] = values
@@ -163,7 +163,7 @@ class PointFields:
         # One kernel writes all of them, because loading a compiled kernel takes 30 ms.
         self.scalars = [field for field, _ in numbers]
         self.fields = [fields for fields, _ in contents]
-        scalars = np.array([number for _, number in numbers], np.float64)
+        scalars = np.array([number for _, number in numbers], float)
         arrays = [np.asarray(values, np.float64) for _, values in contents]
         for fields, values in zip(self.fields, arrays, strict=True):
             check_room(fields, len(values))

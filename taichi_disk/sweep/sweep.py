@@ -93,29 +93,32 @@ class SweepResult:
         )
 
     def _repr_html_(self) -> str:
-        from taichi_disk.figures.texts import curve_rows
+        from taichi_disk.figures.texts import curve_rows, explanations
         from taichi_disk.output.inline import card
 
-        figure = None
-        if len(self.failed) < len(self.rows):
-            figure = self.plot()
         rows = []
-        for label, laws in curve_rows(self.summary.get("curves", ())):
+        curves = self.summary.get("curves", ())
+        for label, laws in curve_rows(curves):
             for law, parameters in laws:
                 rows.append((label, law, parameters))
                 label = ""  # stands only beside the first law
+        rows += [("", law, meaning) for law, meaning in explanations(curves)]
         return card(
             f"{self.summary['scene']}: {_counted(self)}",
             rows,
-            figure,
+            self._figure(),
             self.summary["warnings"],
         )
 
     def _repr_png_(self) -> bytes | None:
         """Return a picture for documents without HTML, such as those by LaTeX."""
+        figure = self._figure()
+        return figure._repr_png_() if figure else None
+
+    def _figure(self) -> Plot | None:
         if len(self.failed) == len(self.rows):
             return None
-        return self.plot()._repr_png_()
+        return self.plot()
 
     def plot(self, x: str | None = None, y: str | None = None) -> Plot:
         """Return a figure of Matplotlib, which may be changed and saved.
@@ -196,7 +199,6 @@ def run_sweep(
     progress = progress or silent
     if not isinstance(sweep, Sweep):
         raise InputError(f"sweep: must be what load_sweep returns, not {sweep!r:.60}")
-    check_flags(estimate=estimate)
     if jobs is not None:
         whole_number(jobs, "jobs", MAX_JOBS)
     keys = [point_key(scene) for scene in sweep.scenes]
@@ -390,14 +392,17 @@ def _counted(result: SweepResult) -> str:
 
 
 def print_sweep(result: SweepResult) -> None:
-    from taichi_disk.figures.texts import curve_rows
+    from taichi_disk.figures.texts import curve_rows, explanations
 
     summary = result.summary
     part = summary.get("part")
-    for label, laws in curve_rows(summary.get("curves", ())):
+    curves = summary.get("curves", ())
+    for label, laws in curve_rows(curves):
         print(label)
         for law, parameters in laws:
             print(f"  {law:<24}{parameters}")
+    for law, meaning in explanations(curves):
+        print(f"{law}: {meaning}")
     _print_failures(result)
     counted = f"{_counted(result)}; {summary['wall_clock']:.1f} s"
     files = f"files in {result.out}"

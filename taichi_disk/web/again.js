@@ -20,6 +20,7 @@ const MOST_RINGING = 6;
 const DAMPED = 10;
 const EASE = 0.7; // time in which it becomes so strong [s]
 const VISIBLE_ENERGY = 2e-3; // of the largest, for a curve
+const BESIDE = 0.32; // time of the curves after the contact, over its duration
 const SLOW_PACE = 1.1; // pace over the slowest, up to which it is called slow
 
 function roundNear(value) {
@@ -62,16 +63,17 @@ export class Again {
     const flight = thrown(disk, v, etaStar);
     this.duration = performance.now() - began;
     const [first] = flight.states;
-    const start = Math.min((flight.gap - disk.top) / v, -1e-6);
-    const moved = first.x.map((one, i) => one - (i % 2) * v * start);
-    this.states = [{ ...first, t: start, com_y: first.com_y - v * start, x: moved }, ...flight.states];
+    const early = Math.min((flight.gap - disk.top) / v, -1e-6);
+    const moved = first.x.map((one, i) => one - (i % 2) * v * early);
+    this.states = [{ ...first, t: early, com_y: first.com_y - v * early, x: moved }, ...flight.states];
     this.times = this.states.map(({ t }) => t);
     Object.assign(this, { disk, flight, v, limits: {}, moments: flight.moments });
-    this.end = flight.rows[flight.end].t;
+    const [start, , end] = flight.moments;
+    this.end = Math.min(end + BESIDE * (end - start), flight.rows[flight.end].t);
     this.centre = disk.masses.reduce((sum, m, i) => sum + m * first.x[2 * i], 0);
     // Pictures lie between the moments of the contact as those of the film that was packed.
     const from = [film.times[0], ...disk.moments, film.times.at(-1)];
-    const to = [start, ...this.moments, this.times.at(-1)];
+    const to = [early, ...this.moments, this.times.at(-1)];
     this.pictures = film.cues.map((k) => mapped(film.times[k], from, to));
     this.cues = this.pictures.map((t) => this.place(t));
     this.fit();
@@ -130,8 +132,10 @@ export class Again {
       const part = Math.min(Math.max(k - end, 0) / (EASE * fps), 1);
       return ringing ** (part * part * (3 - 2 * part));
     });
+    const after = `after t = ${this.end.toFixed(1)} R/c`;
+    const clock = (t) => (t > this.end ? after : `t = ${fixed(t)} R/c`);
     return pictures.map((t, k) => [
-      t < 0 ? "before t = 0" : `t = ${fixed(t)} R/c`,
+      t < 0 ? "before t = 0" : clock(t),
       k < end ? `+${signed(this.at(t).com_vy / v)} v` : result,
       k < end ? runs[0].captions[k][2] : "",
       `1 s = ${digits(paces[k], 2)} R/c${paces[k] < SLOW_PACE * slowest ? slow : ""}`,

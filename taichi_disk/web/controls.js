@@ -21,8 +21,9 @@ export function readNumber(text) {
 // value, `say` with a sentence about a text that is no number.
 class Slider {
   constructor(key, set, say) {
-    const number = { type: "text", inputMode: "decimal" };
+    const number = { type: "text" };
     this.name = element("span");
+    this.symbol = element("small");
     this.ends = [element("i"), element("i")];
     this.range = element("input", { type: "range", step: "any" });
     this.number = element("input", number);
@@ -31,7 +32,7 @@ class Slider {
     this.node = element(
       "div",
       { className: "slider" },
-      this.name,
+      element("span", {}, this.name, " ", this.symbol),
       ...this.ends,
       this.range,
       ...fields,
@@ -59,13 +60,16 @@ class Slider {
   }
 
   show(spec) {
-    const { key, name, unit, low, high, value, meaning, keys, live } = spec;
+    const { key, name, symbol = "", unit, low, high, value, meaning, keys, live } = spec;
     this.spec = spec;
     const { range } = this;
-    const text = unit ? `${name} [${unit}]` : name;
+    const inUnit = key === "impact.angle" ? "[rad, °]" : unit && `[${unit}]`;
+    const text = [name, symbol, inUnit].filter(Boolean).join(" ");
     const place = low > 0 ? Math.log : Number;
     const ends = { min: place(low), max: place(high) };
-    this.name.textContent = key === "impact.angle" ? `${name} [${unit}, °]` : text;
+    this.name.textContent = name;
+    this.symbol.textContent = `${symbol} ${inUnit}`.trim();
+    this.number.inputMode = this.degrees.inputMode = low < 0 ? "text" : "decimal"; // for a minus
     this.node.title = keys ? `${meaning} (keys ${keys})` : meaning;
     this.ends[0].textContent = digits(low);
     this.ends[1].textContent = digits(high);

@@ -56,7 +56,8 @@ export class Drawing {
     this.canvas = canvas;
     this.context = canvas.getContext("2d");
     // draw, quantity, theme, magnify, outline, path, forces, follow; arrow: a velocity [c]; canAim:
-    // whether its tip can be dragged; letters: their size
+    // whether its tip can be dragged; isAimed: whether the speed is written beside it; letters: their
+    // size
     this.options = { letters: 1 };
     this.camera = { x: 0, y: 1, scale: 100, home: true };
   }
@@ -248,7 +249,7 @@ export class Drawing {
     line(this.context, spoke, theme.ink, 2);
   }
 
-  // Draw the arrow of a velocity, and its speed beside the tip.
+  // Draw the arrow of a velocity and, while it is aimed, its speed beside the tip.
   drawVelocity(centre, [vx, vy], theme) {
     const { context: ctx } = this;
     const speed = Math.hypot(vx, vy);
@@ -256,7 +257,7 @@ export class Drawing {
     const length = arrowLength(speed) / speed;
     const tip = [centre[0] + length * vx, centre[1] + length * vy];
     this.drawArrow(centre, tip, this.options.canAim ? theme.accent : theme.velocity, theme);
-    if (length * speed < 0.1) return;
+    if (!this.options.isAimed) return;
     const { letters } = this.options;
     const [px, py] = this.toScreen(...tip);
     ctx.font = `bold ${14 * letters}px system-ui, sans-serif`;

@@ -104,7 +104,9 @@ def _quantity(name: str) -> dict[str, Any]:
     label = kind.label
     if kind.on != "points":
         label += " (averaged)"
-    return asdict(kind) | {"name": name, "label": label, "map": map_kind(name)}
+    words = asdict(kind)
+    del words["full"]
+    return words | {"name": name, "label": label, "map": map_kind(name)}
 
 
 def _maps() -> dict[str, str]:

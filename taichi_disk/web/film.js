@@ -3,7 +3,6 @@
 import { Controls } from "./controls.js";
 import { Drawing, bytes, decoded } from "./draw.js";
 import { followPointers } from "./gestures.js";
-import { WIDE } from "./graphs.js";
 import { checked, element, elements, inks } from "./html.js";
 import { FONT, arrow, label, line, roundAbove, roundBelow } from "./legend.js";
 import { Throws } from "./throws.js";
@@ -13,6 +12,8 @@ const SLOW = 0.02; // a smaller part of that speed has no arrow
 const COMING = { light: "#b8b8b7", dark: "#54575e" }; // colours of curves still to come
 const DASHES = [[], [5, 3], [1, 3], [9, 3, 1, 3]]; // of the curves of compared runs
 const CLEAR = 0.15; // part of an axis beside which another number has room
+const WIDE = 160; // axis of time with room for a number in its middle [px]
+const LONG = 26; // number of letters of what is no value
 const LOW = 230; // a lower picture has no room for a legend [px]
 const STACKED = "(max-width: 599px) and (min-height: 701px)"; // disks one above the other
 
@@ -244,9 +245,10 @@ async function unpacked(text) {
   return { head, data: data.slice(4 + length) };
 }
 
-// Return a line of a title whose values are not broken.
+// Return a line of a title whose values are not broken; a sentence may be.
 function unbroken(line) {
-  const words = line.split("    ").map((word) => element("em", { className: "whole" }, word));
+  const className = (word) => (word.length < LONG ? "whole" : "");
+  const words = line.split("    ").map((word) => element("em", { className: className(word) }, word));
   return [...words.flatMap((word) => [word, "   "]), "\n"];
 }
 
@@ -425,7 +427,8 @@ async function play() {
   new IntersectionObserver(([entry]) => (isVisible = entry.isIntersecting)).observe(
     document.body,
   ); // in a frame
-  new ResizeObserver(arrange).observe(ui.disks);
+  const resized = new ResizeObserver(arrange);
+  for (const one of [ui.disks, ui.graphs]) resized.observe(one);
   setPlaying(!matchMedia("(prefers-reduced-motion: reduce)").matches);
   if (head.again) throws = new Throws(ui, head, panes[0].drawing.scene, takeThrow);
   else take(runs.map((run) => new Recording(run, data, head)));

@@ -23,17 +23,18 @@ from taichi_disk.output.files import write_text
 from taichi_disk.output.panel import ON_DARK
 from taichi_disk.output.plot import axis_labels, curves
 from taichi_disk.progress import Progress
-from taichi_disk.render.film import common_span, film_origin
+from taichi_disk.render.film import common_span, film_origin, ringing_factor
 from taichi_disk.render.moments import (
+    EASE,
     MOMENTS,
     WHOLE,
     Caption,
-    Cue,
     Run,
     Span,
     captions,
     check_runs,
     cues,
+    curve_span,
     time_of,
     titles,
 )
@@ -76,7 +77,9 @@ def write_page(
     wanted = round(fps * video.seconds)
     frames = min(wanted, max(_STATES // points, _FEWEST))
     flights = [Flight.of(run, video.flight) for run in runs]
-    shots = cues(runs, common_span(flights), frames, fps, span)
+    stronger = [ringing_factor(run, video) for run in runs]
+    rings = max(stronger) > 1.0
+    shots = cues(runs, common_span(flights), frames, fps, span, rings)
     progress("render", 0, len(runs))
     times = [cue.t for cue in shots]
     states = [Recording(one, times, list(QUANTITIES)) for one in flights]
@@ -85,7 +88,11 @@ def write_page(
     again = None
     if len(runs) == 1 and span == WHOLE:
         again = throwable(flights[0], video)
-    packed = _packed(states, shots, video, names, rate, again, progress)
+    words = [
+        captions(run, shots, factor, EASE * rate)
+        for run, factor in zip(runs, stronger, strict=True)
+    ]
+    packed = _packed(states, words, video, names, rate, again, progress)
     text = Template(source("film.html")).substitute(
         title=escape(" | ".join(title[0] for title in names)),
         origin=escape(film_origin(runs, video)),
@@ -99,7 +106,7 @@ def write_page(
 
 def _packed(
     states: Sequence[Recording],
-    shots: Sequence[Cue],
+    words: Sequence[Sequence[Caption]],
     video: VideoSection,
     names: Sequence[tuple[str, ...]],
     rate: float,
@@ -115,7 +122,7 @@ def _packed(
     shared = {"view": common.view, "full_force": common.full_force}
     data = b""
     runs = []
-    for k, (one, title) in enumerate(zip(states, names, strict=True)):
+    for k, (one, title, shots) in enumerate(zip(states, names, words, strict=True)):
         progress("render", k, len(states))
         arrays: dict[str, Array] = {}
         facts: dict[str, Any] = {}
@@ -131,23 +138,23 @@ def _packed(
             {
                 "scene": scene | shared | {"title": title},
                 "states": len(one.times),
-                "captions": [_words(each) for each in captions(one.run, shots)],
-                "strengths": [1.0] * len(shots),
+                "captions": [_words(each) for each in shots],
+                "strengths": [each.ringing for each in shots],
                 "full_speed": one.full_speed,
                 "arrays": places,
                 **facts,
             }
         )
-    times = [cue.t for cue in shots]
-    words = states[0].run.scenario.words
+    times = [caption.t for caption in words[0]]
+    labels = states[0].run.scenario.words
     head = {
         "fps": rate,
         "cues": np.searchsorted(states[0].times, times).tolist(),
         "marks": _marks(states[0].run, times),
-        "titles": [label.replace("  ", " ") for label in axis_labels(words)],
+        "titles": [label.replace("  ", " ") for label in axis_labels(labels)],
         "times": [float(f"{t:.5g}") for t in states[0].times],
-        "end": max(float(one.run.series["t"][-1]) for one in states),
-        "unit": words.time.split()[-1].strip("[]"),
+        "end": max(curve_span(one.run)[1] for one in states),
+        "unit": labels.time.split()[-1].strip("[]"),
         "curves": _curves(states),
         "runs": runs,
         "again": again,
@@ -172,7 +179,7 @@ def _words(caption: Caption) -> list[str]:
     if caption.result:
         motion = [f"*{caption.result}"]
     pace = "    ".join(caption.pace)
-    return [time, *motion, *others[1:], caption.note, pace, ""]
+    return [time, *motion, *others[1:], caption.note, pace, " ".join(caption.remarks)]
 
 
 def _marks(run: Run, times: Sequence[float]) -> list[list[Any]]:

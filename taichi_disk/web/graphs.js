@@ -1,7 +1,7 @@
 // Curves over time, in which a drag goes back in time. CSS draws the frame of a plot.
 
 import { element, inks } from "./html.js";
-import { label, line, roundAbove } from "./legend.js";
+import { label, line, roundAbove, roundBelow } from "./legend.js";
 
 const GRAPHS = [["energy"], ["force", "motion"]]; // on the left and right scale of each graph
 const TIME_STEP = 5; // the axis of time grows by this [R/c]
@@ -10,9 +10,9 @@ const FORCE = 0.9; // approximate largest force of a throw, over its speed [M c/
 const FLAT = 0.004; // part of the scale below which a curve is not seen
 export const LETTERS = 12; // usual size of the letters [px]
 const NAMES = 8.7; // width for the names of the curves, over the size of the letters
-const NAMES_PART = 0.45; // at most this part of a plot's width
+const NAMES_PART = 0.55; // at most this part of a plot's width
 const LINE_HEIGHT = 1.2; // of a name, over the size of the letters
-export const WIDE = 160; // axis of time with room for a number in its middle [px]
+const TICKS = 3.5; // least distance of two numbers of the axis of time, over the size of the letters
 
 // Write names, each with the curve whose colours it has, if any.
 export function legend(caption, names) {
@@ -84,8 +84,8 @@ export class Graphs {
     this.keep(data);
     this.data = data;
     this.curves = curves.map(([graph, name, light, dark], k) => {
-      const words = graph === "motion" ? data.motion[0].split(" ")[0] : name;
-      return { graph, name: words, light, dark, values: data.values[k] };
+      const words = { motion: data.motion[0].split(" ")[0], flight: data.flight };
+      return { graph, name: words[name] ?? name, light, dark, values: data.values[k] };
     });
     const time = `at t = ${label(data.t.at(-1))} R/c`;
     GRAPHS.forEach((graphs, k) => {
@@ -125,9 +125,9 @@ export class Graphs {
     if (!this.data || !this.canvases[0].clientWidth) return;
     this.letters = letters * LETTERS;
     this.expect(state);
-    const past = Math.max(this.data.t.at(-1), this.before?.t.at(-1) ?? 0);
-    const last = Math.max(past, this.expected.time);
-    this.end = TIME_STEP * Math.max(Math.ceil(last / TIME_STEP), 1);
+    const past = Math.max(this.data.t.at(-1), this.before?.t.at(-1) ?? 0, 1);
+    const expected = Math.ceil(this.expected.time);
+    this.end = past > expected ? TIME_STEP * Math.ceil(past / TIME_STEP) : expected;
     this.canvases.forEach((canvas, k) => {
       const shown = GRAPHS[k].map((graph) => this.scaled(graph, state.fullForce));
       this.drawGraph(canvas, shown, { t: state.t, theme, name });
@@ -191,12 +191,10 @@ export class Graphs {
       ctx.strokeText(text, x, places[k]);
       ctx.fillText(text, x, places[k]);
     });
-    const part = across / width;
-    const times = [
-      [0, "0"],
-      [part, `${label(last)} R/c`],
-    ];
-    if (across > WIDE) times.push([0.5 * part, label(last / 2)]);
+    const step = roundBelow((2.5 * TICKS * this.letters * last) / across);
+    const ticks = Array.from({ length: Math.floor(last / step) + 1 }, (_, k) => k * step);
+    const times = ticks.map((time) => [toX(time) / width, label(time)]);
+    times.at(-1)[1] += " R/c";
     const scales = shown.map(({ low, high }) => ({ low, high }));
     const key = JSON.stringify([times, scales]);
     if (key !== canvas.key) frame(canvas.parentNode, [canvas], times, ...scales);

@@ -5,7 +5,7 @@ import { Controls } from "./controls.js";
 import { Drawing } from "./draw.js";
 import { followPointers, grip } from "./gestures.js";
 import { Graphs, LETTERS, legend } from "./graphs.js";
-import { checked, download, element, elements, recall, remember } from "./html.js";
+import { checked, copy, download, element, elements, recall, remember } from "./html.js";
 import { unpacked } from "./message.js";
 import { asText, showDiagram, showResults } from "./results.js";
 import { showScenes } from "./scenes.js";
@@ -17,6 +17,13 @@ const KEYS = {
   ArrowUp: "Up",
   ArrowDown: "Down",
 };
+// numbers that are always seen
+const FIRST = [
+  "impact.velocity",
+  "compression.pressure",
+  "material.eta_star",
+  "material.viscosity",
+];
 const OWN_KEYS = [
   // keys that a control with the focus uses itself
   ["input[type=text], select", /./],
@@ -31,7 +38,6 @@ const IDLE_TIME = 3000; // after which the projector's controls fade [ms]
 const LARGE_HEIGHT = 540; // of a picture, over the factor of its letters [px]
 const LEGEND_ROW = 720; // width that the legend's row needs [px]
 const LETTER_PART = 0.009; // least size of letters in a page's height
-const QUESTION = /^(.+?\?) (.+)$/; // of a scene, and its answer
 const THEME = "taichi-disk theme"; // name under which the visitor's theme is stored
 const DARK = matchMedia("(prefers-color-scheme: dark)");
 
@@ -42,12 +48,6 @@ function keyName(event) {
   const isLatin = /^[ -~]*$/.test(event.key);
   const name = isLatin ? event.key : event.code.replace(/^Key/, "");
   return name.length === 1 ? name.toLowerCase() : name;
-}
-
-// Return the numbers of the experiment, without those of the look and of the time.
-function numbersOf({ sliders, choices }) {
-  const own = [...sliders, ...choices].filter(({ key }) => !/^(video|speed)/.test(key));
-  return own.map(({ value }) => value).join();
 }
 
 // Return a line of the read-out; a line that begins with * is the result.
@@ -73,6 +73,7 @@ export class Sandbox {
       state: null,
       target: null,
     });
+    node.dataset.theme = this.theme || (DARK.matches ? "dark" : "light");
     const ui = (this.ui = elements(node));
     this.send = (message) => {
       send(message);
@@ -82,11 +83,15 @@ export class Sandbox {
     this.drawing = new Drawing(ui.disk);
     this.graphs = new Graphs([ui.energy, ui.motion], (t) => this.send({ do: "scrub", t }));
     const places = { speed: ui.speed, "video.magnify": ui.magnify };
-    const place = (key) => places[key] ?? (key.startsWith("video.") ? ui.looks : ui.numbers);
+    for (const key of FIRST) places[key] = ui.numbers;
+    const place = (key) => places[key] ?? (key.startsWith("video.") ? ui.looks : ui.others);
     this.controls = new Controls(
       place,
       (key, value) => this.set(key, value),
-      (text) => this.say(text),
+      (text) => {
+        this.shownMessage = null; // the next right number takes it away
+        this.say(text);
+      },
     );
     followPointers(
       ui.disk,
@@ -95,18 +100,22 @@ export class Sandbox {
       (...at) => grip(this, ...at),
     );
     node.onclick = ({ target }) =>
-      this.state && this.click(target.closest("button, [type=checkbox]"));
+      this.panel
+        ? this.click(target.closest("button, [type=checkbox]"))
+        : this.expect(target === ui.drop);
     for (const dialog of node.querySelectorAll("dialog"))
       dialog.onpointerdown = (event) => isOutside(event) && dialog.close();
-    node.getRootNode().addEventListener("keydown", (event) => this.state && this.key(event));
+    document.addEventListener("keydown", (event) =>
+      this.panel ? this.key(event) : this.expect(event.key === " "),
+    );
     const own = [...node.querySelectorAll("[aria-keyshortcuts]")];
     this.shortcuts = own.map((one) => [
       one.getAttribute("aria-keyshortcuts"),
       one.title || one.textContent,
     ]);
     own.forEach((one, k) => (one.title = `${this.shortcuts[k][1]} (${this.shortcuts[k][0]})`));
-    // On a narrow page one panel is seen at a time.
-    this.showTab(node.clientWidth > 900 ? "graphs" : "experiment");
+    // Where there is a tab for the experiment, one panel is seen at a time.
+    this.showTab(node.querySelector(".narrow").clientWidth ? "experiment" : "graphs");
     // A phone begins with the disk alone.
     if (node.clientWidth <= 640 && node.clientHeight > 480) this.fold();
     new ResizeObserver(() => this.redraw()).observe(node);
@@ -136,10 +145,18 @@ export class Sandbox {
       picture: async () => download(await drawing.picture(panel.title), "disk.png", "image/png"),
       yaml: () => download(this.scene, "scene.yaml", "text/yaml"),
       csv: () => download(asText(ui.table, ","), "results.csv", "text/csv"),
-      copy: () => this.copy(asText(ui.table, "\t")),
+      copy: () => copy(asText(ui.table, "\t")),
       projector: () => this.project(!node.hasAttribute("data-projector")),
       fold: () => this.fold(),
+      more: () => (ui.more.ariaExpanded = node.toggleAttribute("data-more")),
     };
+  }
+
+  // Remember that the first picture shall be thrown at once.
+  expect(isThrow) {
+    if (!isThrow || this.isExpected) return;
+    this.isExpected = true;
+    this.ui.busy.textContent += " then it is thrown";
   }
 
   click(one) {
@@ -194,16 +211,6 @@ export class Sandbox {
     this.send({ do: "set", key: "video.theme", value: this.theme || system });
   }
 
-  // Copy a text; a page that came by plain http has no clipboard, but can copy a selection.
-  copy(text) {
-    if (navigator.clipboard) return navigator.clipboard.writeText(text);
-    const field = element("textarea", { value: text });
-    this.node.append(field);
-    field.select();
-    document.execCommand("copy");
-    field.remove();
-  }
-
   // Show only the picture and its curves, with large letters and controls that fade.
   project(isOn) {
     const { node, drawing } = this;
@@ -242,6 +249,7 @@ export class Sandbox {
 
   lost(text = "The program does not answer; waiting for it …") {
     this.ui.role.textContent = text;
+    this.ui.busy.hidden = true;
   }
 
   receive(data) {
@@ -271,6 +279,7 @@ export class Sandbox {
 
   showHello({ keys }) {
     this.ui.role.textContent = "";
+    this.ui.busy.textContent = "one moment …";
     this.showFilm(false); // a program that was lost makes none
     const row = ([key, what]) => [element("dt", {}, key), element("dd", {}, what)];
     this.ui.reference.replaceChildren(...[...keys, ...this.shortcuts].flatMap(row));
@@ -279,6 +288,7 @@ export class Sandbox {
   showScene(message) {
     this.drawing.setScene(message);
     for (const id of ["hit", "slow", "arrow"]) this.ui[id].disabled = message.unused.includes(id);
+    this.ui.aiming.hidden = this.ui.arrow.disabled;
   }
 
   showState(buffer) {
@@ -326,7 +336,8 @@ export class Sandbox {
     const { drawing, state, panel, ui } = this;
     const canAim = panel.atStart && !ui.arrow.disabled;
     const arrow = this.shownVelocity();
-    drawing.set({ ...checked(ui.options), arrow, canAim, letters: this.letters });
+    const isAimed = Boolean(panel.aimed);
+    drawing.set({ ...checked(ui.options), arrow, canAim, isAimed, letters: this.letters });
     drawing.draw(state);
     this.node.style.setProperty("--legend", `${drawing.footer}px`);
     const { theme: name } = drawing.options;
@@ -414,12 +425,12 @@ export class Sandbox {
     this.shownResults = results;
     if (panel.number !== this.shownNumber) {
       this.graphs.before = null;
-      this.ownNumbers = numbersOf(panel);
       showScenes(ui.entries, this.hello.playlist, panel.number);
       this.shownNumber = panel.number;
     }
     node.ariaBusy = false; // all that was empty until now is filled
     if (isFirst && (this.theme || value("theme") === "light")) this.takeTheme();
+    if (isFirst && this.isExpected && panel.atStart) this.send({ do: "press", key: "space" });
     this.redraw();
   }
 
@@ -440,17 +451,16 @@ export class Sandbox {
     for (const [id, text] of Object.entries(texts)) ui[id].textContent = text;
   }
 
-  // The scene's question; after the throw the answer, if the scene's numbers are its own.
+  // The scene's question; after the throw, of which the caption has the result, its answer.
   get sentence() {
     const { panel, state } = this;
-    const [, question, answer] = QUESTION.exec(panel.sentence) ?? ["", panel.sentence, ""];
-    const isAnswered = /^\*/m.test(state?.caption ?? "") && numbersOf(panel) === this.ownNumbers;
-    return (isAnswered && answer) || question;
+    const isAtEnd = /^\*/m.test(state?.caption ?? "");
+    return (isAtEnd && panel.answer) || panel.question;
   }
 
   // Show a new message in place of the sentence for a while. A message that was there before this
   // page is old.
-  showMessage({ aimed, message, hint }, isFirst) {
+  showMessage({ aimed, message, refusals, hint }, isFirst) {
     if (isFirst) this.oldMessage = message;
     else if (message !== this.oldMessage) this.oldMessage = "";
     const isNew = message !== this.oldMessage;
@@ -459,8 +469,9 @@ export class Sandbox {
       const [speed, angle] = aimed;
       text = `v = ${speed} c, angle ${((angle * 180) / Math.PI).toFixed(1)}° = ${angle} rad`;
     }
-    if (text === this.shownMessage) return;
-    this.shownMessage = text;
+    const key = `${refusals} ${text}`; // a number that is refused again has the same text
+    if (key === this.shownMessage) return;
+    this.shownMessage = key;
     this.say(text);
   }
 
@@ -477,7 +488,7 @@ export class Sandbox {
     const { ui, panel, drawing } = this;
     const { results } = panel;
     for (const id of ["copy", "csv", "clear"]) ui[id].disabled = !results.length;
-    showResults(ui.table, results);
+    showResults(ui.table, results, true);
     const title = drawing.scene.labels.curve;
     const options = { title, range: panel.loadRange, fitted: ui.eq5.checked };
     showDiagram(ui.diagram, ui.curve, results, options);

@@ -73,7 +73,7 @@ export function showScenes(parent, playlist, number) {
       parts.push(cards);
     }
     const words = element("span", {}, element("b", {}, card.name));
-    words.append(element("small", {}, card.sentence.replace(/\? .*/, "?")));
+    words.append(element("small", {}, card.question));
     const entry = element("button", { ariaCurrent: k === number }, words);
     if (card.kind) entry.prepend(sketch(card));
     entry.dataset.play = k;

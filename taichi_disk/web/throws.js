@@ -12,8 +12,8 @@ const VERDICTS = [
   [0.03, "★ Near."],
 ];
 const NUMBERS = [
-  { key: "v", name: "speed v", unit: "c", of: "impact.velocity" },
-  { key: "eta", name: "viscosity η*", unit: "", of: "material.eta_star" },
+  { key: "v", name: "speed", symbol: "v", unit: "c", of: "impact.velocity" },
+  { key: "eta", name: "viscosity", symbol: "η*", unit: "", of: "material.eta_star" },
 ];
 // what a row of results.js has beside a throw's numbers
 const ROW = { result: "e", wall: null, a: null, points: null, angle: 0, spin: 0, friction: 0 };

@@ -51,10 +51,10 @@ def list_presets(first: Scene | None) -> list[Preset]:
     groups = yaml.safe_load(read_text(path))
     entries = []
     for group, rows in groups.items():
-        for scene, change, name, sentence, *pace in rows:
+        for scene, change, name, question, *pace in rows:
             load = partial(load_scene, scene, change.split())
             options = pace[0] if pace else {}
-            entries.append(Preset(name, sentence, load, group, **options))
+            entries.append(Preset(name, question, load, group, **options))
     if first is None:
         return entries
     opened = [entry for entry in entries if entry.load() == first]

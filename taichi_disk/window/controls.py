@@ -39,10 +39,11 @@ CURVE_RATIO = 30.0
 
 
 class Range(NamedTuple):
-    """A number that can be changed: its name, unit and keys, the ends of its slider,
-    and its meaning."""
+    """A number that can be changed: its name, symbol, unit and keys, the ends of its
+    slider, and its meaning."""
 
     name: str
+    symbol: str
     unit: str
     keys: str
     low: float
@@ -51,47 +52,57 @@ class Range(NamedTuple):
 
 
 RANGES = {
-    "material.eta_star": Range(
-        "viscosity η*",
-        "",
-        "e d",
-        *SLIDERS["material.eta_star"],
-        "dashpots, as a multiple of m c/R; 0: none",
-    ),
-    "material.viscosity": Range(
-        "viscosity η",
-        "Mc/R",
-        "e d",
-        0.0,
-        0.1,
-        "dashpot constant of one spring; 0: none",
-    ),
     "impact.velocity": Range(
-        "speed v", "c", "Up Down", *SLIDERS["impact.velocity"], "of the throw"
-    ),
-    "impact.angle": Range(
-        "angle", "rad", "", -1.5, 1.5, "between the throw and the normal of the wall"
-    ),
-    "impact.spin": Range(
-        "spin", "c/R", "", -0.5, 0.5, "at the start, counter-clockwise"
-    ),
-    "wall.friction": Range(
-        "friction μ", "", "", 0.0, 1.0, "Coulomb's coefficient of the wall"
+        "speed", "v", "c", "Up Down", *SLIDERS["impact.velocity"], "of the throw"
     ),
     "compression.pressure": Range(
-        "load P",
+        "load",
+        "P",
         "Mc²/R",
         "Up Down",
         1e-4,
         0.05,
         "force that presses the disk on the wall",
     ),
-    "wall.a": Range(
-        "wall hardness a", "1/R", "a z", 10.0, 3000.0, "potential V0 exp(-a y)"
+    "material.eta_star": Range(
+        "viscosity",
+        "η*",
+        "",
+        "e d",
+        *SLIDERS["material.eta_star"],
+        "dashpots, as a multiple of m c/R; 0: none",
     ),
-    "lattice.points": Range("mass points N", "", "j k", 100, 5000, "of the disk"),
+    "material.viscosity": Range(
+        "viscosity",
+        "η",
+        "Mc/R",
+        "e d",
+        0.0,
+        0.1,
+        "dashpot constant of one spring; 0: none",
+    ),
+    "impact.angle": Range(
+        "angle",
+        "",
+        "rad",
+        "",
+        -1.5,
+        1.5,
+        "between the throw and the normal of the wall",
+    ),
+    "impact.spin": Range(
+        "spin", "", "c/R", "", -0.5, 0.5, "at the start, counter-clockwise"
+    ),
+    "wall.friction": Range(
+        "friction", "μ", "", "", 0.0, 1.0, "Coulomb's coefficient of the wall"
+    ),
+    "wall.a": Range(
+        "wall hardness", "a", "1/R", "a z", 10.0, 3000.0, "potential V0 exp(-a y)"
+    ),
+    "lattice.points": Range("mass points", "N", "", "j k", 100, 5000, "of the disk"),
     "speed": Range(
         "speed of time",
+        "",
         "R/c per s",
         "s m",
         0.05,
@@ -100,6 +111,7 @@ RANGES = {
     ),
     "video.magnify": Range(
         "displacements ×",
+        "",
         "",
         "",
         1.0,
@@ -128,12 +140,12 @@ def next_value(key: str, value: str) -> str:
 
 
 class Preset(NamedTuple):
-    """A scene of the list: its name, one sentence about what to look for, the function
-    that reads the scene, its group, the speed of time with which it begins [R/c per s],
-    and whether its contacts pass in slow motion; None: as they were before."""
+    """A scene of the list: its name, a question or its origin, the function that reads
+    the scene, its group, the speed of time with which it begins [R/c per s], and
+    whether its contacts pass in slow motion; None: as they were before."""
 
     name: str
-    sentence: str
+    question: str
     load: Callable[[], Scene]
     group: str = ""
     speed: float | None = None
@@ -156,6 +168,7 @@ class Controls:
 
     Attributes:
         number: place of the scene in `playlist`.
+        refusals: number of commands that ended with an error.
         actions: the action of each key.
         reference: groups of keys and the meaning of each group, for a list of keys.
     """
@@ -164,6 +177,7 @@ class Controls:
         self.sandbox = sandbox
         self.playlist = playlist
         self.number = 0
+        self.refusals = 0
         self._take_pace()
         self.actions: dict[str, Callable[[], None]] = {}
         self.reference: list[tuple[str, str]] = []
@@ -237,6 +251,7 @@ class Controls:
             act(*values)
         except Exception as error:
             self.sandbox.message = described(error)
+            self.refusals += 1
 
     # ---- values
 
@@ -273,6 +288,7 @@ class Controls:
     def set(self, key: str, value: Any) -> None:
         """Change a number or a choice; a key that the scene does not have is ignored.
         Raises TaichiDiskError."""
+        self.sandbox.message = ""  # why a number before was refused
         now = self.value(key)
         if key == "speed":
             self.sandbox.speed = float(f"{min(max(value, MIN_SPEED), MAX_SPEED):.3g}")

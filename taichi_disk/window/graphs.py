@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_disk.computation.scenario import Scenario
-from taichi_disk.fields import FRINGES
+from taichi_disk.fields import QUANTITIES
 from taichi_disk.lattice import Array
 from taichi_disk.output.panel import ON_DARK
 from taichi_disk.output.plot import INK
@@ -33,7 +33,7 @@ def _curve(graph: str, name: str, colour: str) -> tuple[str, str, str, str]:
 
 
 # Graph and name of each curve, and its colours on a light and on a dark ground, which
-# are those of films. The name of the last curve depends on the scene.
+# are those of films. The names "flight" and "motion" depend on the scene.
 CURVES = (
     *(
         _curve("energy", BY_NAME[name].label, BY_NAME[name].colour)
@@ -74,6 +74,7 @@ class Graphs:
             "t": t,
             "values": values,
             "motion": self._scenario.words.momentary,
+            "flight": "flight" if self._scenario.is_thrown else "motion",
             "began": began,
         }
 
@@ -93,19 +94,6 @@ def _five_digits(curve: Array) -> list[float]:
     return [float(f"{value:.5g}") for value in curve]
 
 
-# Full colour of an impact, for each c of its speed. Measured in the shipped impacts
-# at 0.02 to 0.1 c with the largest 98th percentile of each quantity; it was within a
-# factor of 1.5 of the estimate, except for the speed of a disk that spins.
-_FULL_COLOURS = {
-    "pressure": 0.9,
-    "shear": 0.66,
-    "fringes": 1.2 / FRINGES,
-    "rate": 0.7,
-    "strain": 0.45,
-    "force": 0.026,
-    "speed": 0.4,
-    "kinetic": 0.4,
-}
 # A load P is like an impact at this speed times P^0.7 (measured in the same way).
 _SPEED_OF_LOAD = 0.75
 _USUAL_POINTS = 1100  # points of the disks for which "force" above holds
@@ -175,7 +163,7 @@ def estimate_full(scenario: Scenario, quantity: str) -> float:
     load = value_of(scene, load_key(scene))
     speed = load if scenario.is_thrown else _SPEED_OF_LOAD * load**0.7
     points = scenario.lattice.disk_points
-    full = _FULL_COLOURS[quantity] * speed
+    full = QUANTITIES[quantity].full * speed
     if quantity in ("speed", "kinetic"):
         spin = value_of(scene, "impact.spin") or 0.0
         full = max(full, abs(spin))

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from taichi_disk.computation.diagnostics import warnings
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.scenes import Scene
 from taichi_disk.simulation.observables import INDEX
@@ -143,6 +144,7 @@ class Sandbox:
         slow: whether contacts pass in slow motion.
         paused: whether `advance` lets no time pass.
         message: the last event, for the user.
+        answer: one sentence on the last experiment that came to its end.
         results: the last experiments that came to their end, the newest last.
         remaining_loads: loads for which a curve still needs results, the next one
             first: see `collect`.
@@ -152,6 +154,7 @@ class Sandbox:
     """
 
     starts = 0
+    answer = ""
     speed = 1.0
     slow = False
     _clock = 0.0
@@ -167,6 +170,7 @@ class Sandbox:
         self.kernels = kernels
         self.scene = scene
         self.results: list[Experiment] = []
+        self._warnings: list[str] = []
         self.begin()
 
     def begin(self, scene: Scene | None = None) -> None:
@@ -217,9 +221,14 @@ class Sandbox:
 
     @property
     def warnings(self) -> list[str]:
-        """The notes that `run` would print with the result of this scene."""
-        lattice = self.time.segment.scenario.lattice
-        return [*lattice.notes, *self.scene.notes(lattice.disk_points)]
+        """The notes that `run` would print with this scene and, at its end, the
+        warnings."""
+        segment = self.time.segment
+        lattice = segment.scenario.lattice
+        notes = [*lattice.notes, *self.scene.notes(lattice.disk_points)]
+        if segment.status == "finished":
+            notes += self._warnings
+        return notes
 
     @property
     def _slowing(self) -> float:
@@ -290,17 +299,17 @@ class Sandbox:
     def _finish(self, segment: Segment) -> None:
         """Enter the result into the table, and begin the next experiment of a curve
         that is being collected."""
-        words = segment.scenario.words
+        columns = segment.columns
         experiment = experiment_of(segment)
         self.results = [*self.results, experiment][-MAX_RESULTS:]
         self.paused = not self.remaining_loads
-        digits = printed(experiment.result, experiment.value)
-        name, _ = segment.scenario.primary(segment.columns)
-        _, unit = words.labels[name]
-        text = f"{words.end}: {experiment.result} = {digits} {unit}".rstrip()
-        self.message = text
-        if segment.label:
-            self.message = f"{text}, {segment.label}"
+        self.message = ""
+        self._warnings = warnings(segment.scenario, columns)
+        if segment.label == DISTURBED:  # a part of the energies may lie before
+            digits = printed(experiment.result, experiment.value)
+            self.answer = f"You have disturbed it: {experiment.result} = {digits}."
+        else:
+            self.answer = segment.scenario.conclusion(columns)
 
     def _collect_next(self) -> None:
         loads = self.remaining_loads[1:]

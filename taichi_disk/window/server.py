@@ -39,18 +39,14 @@ class Sessions:
     """The sessions of the pages, by the keys that the pages have chosen."""
 
     def __init__(self, playlist: list[Preset], kernels: KernelCache) -> None:
-        """Raises TaichiDiskError if the first scene cannot be built."""
         self._playlist = playlist
         self._kernels = kernels
-        self._known = {"": self._new()}  # for the first page
-
-    def _new(self) -> Session:
-        return Session(self._playlist, self._kernels)
+        self._known: dict[str, Session] = {}
 
     def find(self, key: str) -> Session:
         """Return the session with this key, or a new one; the last ones are kept."""
         known = self._known
-        session = known.pop(key, None) or known.pop("", None) or self._new()
+        session = known.pop(key, None) or Session(self._playlist, self._kernels)
         known[key] = session
         if len(known) > KEPT:
             del known[next(iter(known))]
@@ -59,9 +55,10 @@ class Sessions:
     async def compile(self) -> None:
         """Compile the kernels of the list while nobody plays, so that nobody waits when
         a scene is chosen."""
+        known = self._known
         for entry in self._playlist:
             await asyncio.sleep(QUIET_TIME)
-            while any(one.is_busy for one in self._known.values()):
+            while not known or any(one.is_busy for one in known.values()):
                 await asyncio.sleep(QUIET_TIME)
             with suppress(TaichiDiskError):
                 Timeline(start_of(entry.load()), self._kernels)
@@ -76,9 +73,12 @@ def serve(
     """Serve the sandbox until Ctrl-C, at a free port if `port` is 0.
 
     Prints the address, with the token that every request needs. Raises InputError if
-    the server cannot listen there, KeyboardInterrupt after Ctrl-C.
+    the server cannot listen there, TaichiDiskError if the first scene cannot be built,
+    KeyboardInterrupt after Ctrl-C.
     """
     listening = _listen(host, port)
+    # The page shows that its kernels are compiled, so they wait for it.
+    start_of(playlist[0].load())
     sessions = Sessions(playlist, KernelCache())
     token = secrets.token_urlsafe(8)
     name = f"[{host}]" if ":" in host else host

@@ -57,7 +57,6 @@ _REPLACED = ("set", "scrub", "turn", "aim", "pull")
 LARGE_LATTICE = 5000
 HEADER = struct.Struct("<IdIIiI2f")  # see `Session._state`
 PAST_HINT = "earlier state: Go on continues from here"
-AIM_HINT = "drag the disk to turn it, or from beside it to aim"
 
 
 def read_command(text: Any) -> dict[str, Any] | None:
@@ -276,32 +275,41 @@ class Session:
         return header + floats.tobytes() + self._caption(t).encode()
 
     def _caption(self, t: float) -> str:
-        """Return the lines of the read-out; a result, at its end, begins with *."""
+        """Return the lines of the read-out: at first the time, at the end the result,
+        which begins with *."""
         time = self.sandbox.time
         scenario = time.display.segment.scenario
-        lines = [*scenario.caption(time.display.values | {"t": t})]
+        clock, *motion = scenario.caption(time.display.values | {"t": t})
+        if self.sandbox.at_start:
+            motion = []
         if time.segment.status == "finished" and time.lead == 0.0:
             _, result = scenario.primary(time.segment.columns)
             symbol = scenario.words.symbol
-            lines.append(f"*{symbol} = {printed(symbol, result)}")
-        return "\n".join(lines)
+            motion = [f"*{symbol} = {printed(symbol, result)}"]
+        magnify = self.controls.value("video.magnify")
+        if magnify > 1.0:
+            clock = f"{clock}, displacements × {magnify:g}"
+        return "\n".join([clock, *motion])
 
     def _panel(self) -> dict[str, Any]:
         sandbox = self.sandbox
         controls = self.controls
         entry = controls.playlist[controls.number]
+        words = sandbox.time.display.segment.scenario.words
         return {
             "message": sandbox.message or self.scales.note,
+            "refusals": controls.refusals,
             "status": sandbox.status,
             "warnings": sandbox.warnings,
             "paused": sandbox.paused,
             "slow": sandbox.slow,
             "aimed": sandbox.drawn_throw,
             "name": entry.name,
-            "sentence": entry.sentence,
+            "question": entry.question,
+            "answer": sandbox.answer,
             "number": controls.number,
-            "title": [*sandbox.time.display.segment.scenario.words.title],
-            "hint": self._hint(),
+            "title": [entry.name, *words.title[1:]],
+            "hint": PAST_HINT if sandbox.time.lead < 0.0 else "",
             "atStart": sandbox.at_start,
             "sliders": self._sliders(),
             "choices": self._choices(),
@@ -324,13 +332,6 @@ class Session:
         """Return the ends of the slider of the speed or load."""
         usual = RANGES[load_key(self.sandbox.scene)]
         return usual.low, usual.high
-
-    def _hint(self) -> str:
-        if self.sandbox.time.lead < 0.0:
-            return PAST_HINT
-        if self.sandbox.can_aim:
-            return AIM_HINT
-        return ""
 
     def _sliders(self) -> list[dict[str, Any]]:
         """Return the sliders of the scene.
@@ -366,7 +367,7 @@ def _card(entry: Preset) -> dict[str, Any]:
     a small picture, only if the scene is one of the program's."""
     card: dict[str, Any] = {
         "name": entry.name,
-        "sentence": entry.sentence,
+        "question": entry.question,
         "group": entry.group,
     }
     if entry.group:

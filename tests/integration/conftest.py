@@ -1,8 +1,6 @@
 """One Chromium and one Firefox for all tests, the program that serves the page, and
 runs without a plot."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`taichi-disk accuracy`: its sentence, tables and picture."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

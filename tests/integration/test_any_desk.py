@@ -1,8 +1,6 @@
 """The program needs nothing that only POSIX has, no Unicode console, and no path
 without spaces."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """taichi_disk from Python: the promises of the library."""
 
-from __future__ import annotations
-
 import inspect
 import os
 import pickle

@@ -5,8 +5,6 @@ Blocks run with --validate; a block of commands marked ```sh no-run is parsed an
 checked, never run.
 """
 
-from __future__ import annotations
-
 import re
 import shlex
 from collections.abc import Iterator

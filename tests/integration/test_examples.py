@@ -1,7 +1,5 @@
 """Every example in docs/examples runs unchanged, and finds what it promises."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

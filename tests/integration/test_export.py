@@ -1,8 +1,6 @@
 """Trajectories, read by other libraries, contain the model's positions, strains,
 forces, stresses and energies."""
 
-from __future__ import annotations
-
 import tracemalloc
 import xml.etree.ElementTree as ElementTree
 from types import SimpleNamespace

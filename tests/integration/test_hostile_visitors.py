@@ -1,8 +1,6 @@
 """Visitors who come again and again, send rubbish, or say nothing: the sandbox goes
 on, and can be ended."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import re

@@ -4,7 +4,9 @@ shows the computed data."""
 from __future__ import annotations
 
 import json
+import os
 import re
+import signal
 import time
 from collections.abc import Callable, Iterator
 
@@ -16,6 +18,7 @@ from taichi_disk import api, load_scene
 from taichi_disk.cli import main
 from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.fields import QUANTITIES, Triangles, at_points
+from taichi_disk.render import artist
 from taichi_disk.web.drawing import FILM, bundle
 from tests.browser import Browser
 
@@ -63,7 +66,8 @@ def test_states_survive_the_packing_to_a_thousandth_of_r(folder):
     velocities = part("velocities", "<f4").reshape(count, 2)
     rest = result.lattice.positions
     last = result.series["t"][-1]
-    times = [float(lines[0].split()[2].replace("−", "-")) for lines in captions]
+    stated = [re.fullmatch("t = (.*) R/c", lines[0]) for lines in captions]
+    times = [float(one[1]) if one else -1.0 for one in stated]  # -1: not of the run
     inside = [k for k, t in enumerate(times) if 0.0 <= t <= last]  # of the run
     for k in (inside[0], inside[len(inside) // 2], inside[-1]):
         x = rest + moved[k]
@@ -132,7 +136,7 @@ def test_240_states_of_1099_points_take_less_than_3_mb(tmp_path):
 def test_a_film_needs_no_vulkan(tmp_path, monkeypatch):
     monkeypatch.setattr(
         "taichi_disk.render.film.require_film",
-        lambda: pytest.fail("Vulkan was asked for"),
+        lambda artist: pytest.fail("Vulkan was asked for"),
     )
     scene = load_scene(
         "compression",
@@ -142,6 +146,26 @@ def test_a_film_needs_no_vulkan(tmp_path, monkeypatch):
     assert result.summary["video"] == "video.html"
     assert (tmp_path / "run/video.html").stat().st_size > 1e4
     assert "<iframe" in result.show(seconds=0.2)._repr_html_()
+
+
+@pytest.mark.parametrize(
+    ("trial", "state"),
+    [
+        (os.abort, "crashed with SIGABRT"),
+        (signal.pause, "did not answer for 0.2 s"),
+    ],
+)
+def test_a_driver_that_crashes_or_hangs_costs_no_number(
+    tmp_path, monkeypatch, trial, state
+):
+    monkeypatch.setattr(artist, "driver_state", trial)
+    monkeypatch.setattr(artist, "_TRIAL_TIME", 0.2)
+    monkeypatch.setattr(artist, "_DRAWING_TIME", 0.2)
+    scene = load_scene("exponential_wall", ["lattice.points=60", "video.seconds=0.2"])
+    summary = api.run(scene, tmp_path / "run", lattices=1).summary
+    assert summary["video"] == "video.html"
+    assert state in summary["notes"][-1]
+    assert (tmp_path / "run/plot.png").exists()
 
 
 # ---- in a browser

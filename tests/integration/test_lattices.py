@@ -1,8 +1,6 @@
 """A result is the mean over random lattices with their scatter, followed by the value
 of the scene's lattice."""
 
-from __future__ import annotations
-
 import json
 import re
 from html import escape

@@ -1,7 +1,5 @@
 """In notebooks: what results show of themselves, bars, the notebooks of docs."""
 
-from __future__ import annotations
-
 import builtins
 import re
 import sys

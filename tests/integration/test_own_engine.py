@@ -1,8 +1,6 @@
 """The user's own Taichi, started before or after a run; and the engine sends nothing
 over the network."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

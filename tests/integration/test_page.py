@@ -1,7 +1,5 @@
 """The page of the sandbox, played with in Chromium and Firefox."""
 
-from __future__ import annotations
-
 import random
 import signal
 import socket
@@ -39,8 +37,11 @@ def test_the_page_opens_obeys_and_computes_what_run_does(
 ) -> None:
     browser = each_browser
     program, url = served
+    browser.resize((1366, 768))
     browser.open(url)
     assert browser.colours() > 50  # field, wall, scale
+    assert 2 * browser.disk()[1] > 420
+    browser.click("more")
 
     # A slider, a number that is typed, degrees, a drag that turns the disk, one that
     # aims.
@@ -51,7 +52,7 @@ def test_the_page_opens_obeys_and_computes_what_run_does(
     (left, top), disk = browser.disk()
     browser.drag((left, top - 60), (left + 70, top - 20))
     assert browser.wait(lambda: 0.1 < abs(browser.setting("turn")) < 3.0)
-    browser.drag((left + disk + 60, top), (left + disk + 90, top + 60))
+    browser.drag((left + disk + 20, top), (left + disk + 50, top + 60))
     aimed = pytest.approx(np.arctan2(30, 60), abs=0.02)
     assert browser.wait(lambda: browser.setting("angle") == aimed)
     browser.type("impact.angle", "0")

@@ -1,7 +1,5 @@
 """What the page shows, and what a user's act changes in it: where, how far, which."""
 
-from __future__ import annotations
-
 import asyncio
 import socket
 import time
@@ -15,6 +13,7 @@ from taichi_disk import load_scene, runtime
 from taichi_disk.simulation.simulation import shared_kernels
 from taichi_disk.window import server
 from taichi_disk.window.app import list_presets
+from taichi_disk.window.history import Timeline, start_of
 from tests.browser import SETTINGS, Browser
 
 
@@ -25,6 +24,9 @@ def address() -> Iterator[str]:
     runtime.start()
     playlist = list_presets(load_scene("exponential_wall", SETTINGS))
     sessions = server.Sessions(playlist, shared_kernels())
+    for entry in (playlist[0], playlist[3]):
+        # the thread of the server cannot compile
+        Timeline(start_of(entry.load()), shared_kernels())
     loop = asyncio.new_event_loop()
     with socket.create_server(("127.0.0.1", 0)) as listening:
         serving = loop.create_task(server.run(sessions, "secret", listening))

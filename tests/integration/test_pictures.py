@@ -1,8 +1,6 @@
 """Pictures of the painter: everything is at the place given by the camera, in the
 colour given by the map."""
 
-from __future__ import annotations
-
 import os
 
 import numpy as np

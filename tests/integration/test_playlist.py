@@ -1,145 +1,93 @@
-"""What the sandbox's list of scenes claims, against the numbers of the scenes."""
-
-from __future__ import annotations
+"""What the sandbox's list of scenes asks, and what a scenario says about its end."""
 
 import re
-from collections.abc import Callable
-from functools import cache
 
+import numpy as np
 import pytest
 
 from taichi_disk import api
 from taichi_disk.window.app import list_presets
 
 PLAYLIST = {one.name: one for one in list_presets(None)}
+SMALL = {"lattice.points": 60}
 
 
-@cache
-def played(name):
-    """Return the result of a scene of the list."""
-    return api.run(PLAYLIST[name].load(), lattices=1)
+def shares(text):
+    """Return the shares of the energy in a sentence [%] by what has them."""
+    taken = re.findall(r"(\w+) took ([\d.]+) %", text)
+    rings = re.findall(r"([\d.]+) % still (rings)", text)
+    found = {name: float(share) for name, share in taken}
+    return found | {name: float(share) for share, name in rings}
 
 
-def first(one, name):
-    return one.series[name][0]
-
-
-def last(one, name):
-    return one.series[name][-1]
-
-
-def lost(one, cause):
-    """Return the energy that a cause has taken over the kinetic energy of the start."""
-    return one.series[cause][-1] / one.series["kinetic"][0]
-
-
-def near(value, expected, tolerance):
-    return abs(value - expected) < tolerance
-
-
-def paper():
-    return played("The paper's bounce")
-
-
-def absorbing():
-    return played("A wall that swallows waves")
-
-
-def pressed():
-    return played("Pressed on the wall").xi
-
-
-def loses_more(one, than, cause):
-    is_lower = one.restitution < than.restitution
-    return is_lower and lost(one, cause) > lost(than, cause)
-
-
-def differs(one, other):
-    """Return by how much the restitution of two bounces differs."""
-    return abs(one.restitution - other.restitution)
-
-
-def slower_is_larger(one):
-    fast = played("A bounce")
-    ratio = first(one, "com_vy") / first(fast, "com_vy")
-    return near(ratio, 0.2, 1e-6) and one.restitution > fast.restitution + 0.01
-
-
-def undamped(one):
-    e = one.restitution
-    is_known = near(e, 0.996, 0.0006) and lost(one, "dissipated") == 0.0
-    return is_known and lost(one, "vibration") > 0.5 * (1.0 - e**2)
-
-
-def no_spin(one):
-    is_turned = last(one, "angular_momentum") < -0.01
-    is_turned = is_turned and near(first(one, "angular_momentum"), 0.0, 1e-9)
-    return is_turned and 0.0 < last(one, "com_vx") < first(one, "com_vx")
-
-
-def topspin(one):
-    before = first(one, "com_vx") / -first(one, "com_vy")
-    is_faster = last(one, "com_vx") > first(one, "com_vx")
-    return is_faster and last(one, "com_vx") / last(one, "com_vy") > before
-
-
-def smooth(one):
-    before = first(one, "angular_momentum")
-    return before > 0.1 and near(last(one, "angular_momentum"), before, 0.01 * before)
-
-
-def bent(one):
-    is_straight = near(first(one, "com_vx"), 0.0, 1e-9)
-    return is_straight and abs(last(one, "com_vx")) > 0.5 * last(one, "com_vy")
-
-
-CLAIMS: dict[str, Callable[[api.Result], bool]] = {
-    "A bounce": lambda one: (
-        near(one.restitution, 0.93, 0.005)
-        and near(lost(one, "dissipated"), 1.0 / 7.0, 0.005)
-    ),
-    "Backspin": lambda one: (
-        first(one, "com_vx") > 0.01
-        and last(one, "com_vx") < -0.01
-        and lost(one, "friction") > 0.1
-    ),
-    "The paper's bounce": slower_is_larger,
-    "No dashpots": undamped,
-    "Strong dashpots": lambda one: 0.35 < lost(one, "dissipated") < 0.4,
-    "Another side": lambda one: 0.001 < differs(one, paper()) < 0.01,
-    "A fast bounce": lambda one: loses_more(one, paper(), "dissipated"),
-    "No spin": no_spin,
-    "Topspin": topspin,
-    "A smooth wall": smooth,
-    "Spin bends the bounce": bent,
-    "A hard wall": lambda one: (
-        one.scene.wall.a == 3000.0 and loses_more(one, paper(), "dissipated")
-    ),
-    "A wall that swallows waves": lambda one: near(lost(one, "absorbed"), 0.1, 0.01),
-    "A wall that reflects": lambda one: (
-        one.restitution > 0.995 and lost(one, "absorbed") == 0.0
-    ),
-    "Dashpots at the boundary": lambda one: near(lost(one, "absorbed"), 2 / 3, 0.02),
-    "Another side on it": lambda one: (
-        differs(one, absorbing()) < 0.3 * differs(played("Another side"), paper())
-    ),
-    "Fast on the soft wall": lambda one: loses_more(one, absorbing(), "absorbed"),
-    "Pressed on the wall": lambda one: near(one.xi, 0.0153, 5e-5),
-    "A light load": lambda one: one.xi > 0.4 * pressed(),
-    "A heavy load": lambda one: one.xi < 2.0 * pressed(),
-    "Another lattice": lambda one: 1e-4 < abs(one.xi / pressed() - 1.0) < 0.01,
-}
-
-
-def test_each_scene_asks_a_question_and_answers_it():
-    assert set(PLAYLIST) == set(CLAIMS)
+def test_each_scene_asks_a_question():
+    assert len(PLAYLIST) == 21
     for one in PLAYLIST.values():
-        question, answer = re.fullmatch(r"([^?]+\?) ([^?]+\.)", one.sentence).groups()
-        assert question[0].isupper()
-        assert answer[0].isupper()
+        assert re.fullmatch(r"[A-Z][^?]+\?", one.question)
 
 
-@pytest.mark.validate
-@pytest.mark.parametrize("name", CLAIMS)
-def test_the_answer_of_a_scene_is_true(name):
-    assert CLAIMS[name](played(name)), (name, played(name).summary)
+IMPACTS = (
+    ("A bounce", {"dashpots": "dissipated"}),
+    ("No dashpots", {}),
+    ("Dashpots at the boundary", {"boundary": "absorbed"}),
+    ("Another side on it", {"boundary": "absorbed"}),
+)
+
+
+@pytest.mark.parametrize(("name", "losses"), IMPACTS)
+def test_an_impact_says_where_its_energy_is(name, losses):
+    result = api.run(PLAYLIST[name].load().with_(SMALL), lattices=1)
+    series = result.series
+    text = result.scenario.conclusion(series)
+    assert text.startswith(
+        f"It comes back with {result.restitution:.3f} of its speed. "
+    )
+    found = shares(text)
+    energy = series["kinetic"][0]
+    rest = 1.0  # what neither flies nor turns, and nothing has taken
+    for taker, column in losses.items():
+        share = series[column][-1] / energy
+        rest -= share
+        assert found.pop(taker) == pytest.approx(100.0 * share, abs=0.51)
+    disk = result.scenario.lattice.positions[:60]
+    inertia = ((disk - disk.mean(axis=0)) ** 2).sum(axis=1).mean()
+    flight = 0.5 * (series["com_vx"][-1] ** 2 + series["com_vy"][-1] ** 2)
+    rest -= (flight + series["angular_momentum"][-1] ** 2 / (2.0 * inertia)) / energy
+    assert found.pop("rings", 0.0) == pytest.approx(100.0 * rest, rel=0.05, abs=0.06)
+    assert not found
+
+
+OBLIQUE = (
+    ("Backspin", "left"),
+    ("No spin", "right"),
+    ("A smooth wall", "right"),
+    ("Spin bends the bounce", "left"),
+)
+
+
+@pytest.mark.parametrize(("name", "side"), OBLIQUE)
+def test_an_oblique_impact_says_where_it_goes(name, side):
+    result = api.run(PLAYLIST[name].load().with_(SMALL), lattices=1)
+    series = result.series
+    text = result.scenario.conclusion(series)
+    angle = re.match(rf"It leaves (\d+)° to the {side} with ", text)
+    assert angle, text
+    slope = abs(series["com_vx"][-1] / series["com_vy"][-1])
+    assert np.tan(np.radians(float(angle[1]))) == pytest.approx(slope, rel=0.05)
+    before, after = np.hypot(series["com_vx"], series["com_vy"])[[0, -1]]
+    kept = float(re.search(r"([\d.]+) of its speed", text)[1])
+    assert kept == pytest.approx(after / before, abs=2e-3)
+    friction = 100.0 * series["friction"][-1] / series["kinetic"][0]
+    assert shares(text).get("friction", 0.0) == pytest.approx(friction, abs=0.51)
+    # the disk stays in the picture, which is as wide as the film's
+    path = np.cumsum(np.gradient(series["t"]) * series["com_vx"])
+    left, right, *_ = result.scenario.view
+    assert left + 0.95 < path.min()
+    assert path.max() < right - 0.95
+
+
+def test_a_compression_says_how_much_lower_its_centre_lies():
+    scene = PLAYLIST["Pressed on the wall"].load().with_(SMALL)
+    result = api.run(scene, lattices=1)
+    text = result.scenario.conclusion(result.series)
+    assert f"lies {result.xi:.3g} R lower" in text

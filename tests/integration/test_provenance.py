@@ -1,8 +1,6 @@
 """The origin of results: files contain their scene and version; the summary also has
 date and machine."""
 
-from __future__ import annotations
-
 import json
 import re
 from datetime import datetime, timedelta, timezone

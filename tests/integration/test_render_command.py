@@ -1,8 +1,6 @@
 """Filming finished runs again: the same film, comparisons, refusals, and unchanged
 results."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from PIL import Image

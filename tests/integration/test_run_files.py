@@ -4,7 +4,9 @@ program."""
 from __future__ import annotations
 
 import errno
+import os
 import re
+import signal
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,7 +16,7 @@ import numpy as np
 import pytest
 import reference
 import yaml
-from programs import contents, summary_in
+from programs import contents, python, summary_in
 
 from taichi_disk import Lattice, engine, load_scene, run
 from taichi_disk.cli import main
@@ -125,7 +127,8 @@ KEYS = {
     "inverted_triangles": "",
     "dt dt_limit attempts error_source energy": "stepping",
     "restitution contact_time": "impact",
-    "tangential_restitution spin_after tangential_impulse normal_impulse": "oblique",
+    "tangential_restitution spin_after normal_impulse": "oblique",
+    "tangential_impulse": "friction",
     "xi xi_nominal xi_extrapolated": "compression",
     "residual roll": "newton",
     "lattices": "several",
@@ -141,6 +144,7 @@ CASES = [
     (f"{THROWN} several", {}, {"lattices": 2}),
     (f"{THROWN} oblique", {"impact.angle": 0.4}, {}),
     (f"{THROWN} oblique", {"impact.spin": 0.01}, {}),
+    (f"{THROWN} oblique friction", {"impact.angle": 0.4, "wall.friction": 0.2}, {}),
     (f"{THROWN} oblique several", {"impact.angle": 0.4}, {"lattices": 2}),
     ("compression newton", {"compression.method": "newton"}, {}),
     pytest.param(
@@ -200,6 +204,44 @@ def test_a_picture_that_fails_takes_no_result_with_it(tmp_path, monkeypatch):
     assert summary["status"] == "done"
     assert summary["video_error"] == "latex could not be found"
     assert summary["warnings"] == ["there is no plot.png: latex could not be found"]
+
+
+KILLED = """
+import os, signal, sys
+from taichi_disk.cli import main
+from taichi_disk.render import film
+film.draw_film = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
+main(sys.argv[1:])
+"""
+
+
+def test_a_run_is_printed_and_in_its_folder_before_its_film_begins(
+    tmp_path, monkeypatch
+):
+    out = tmp_path / "o"
+    settings = [f"--set={one}" for one in SMALL]
+    done = python(
+        *("-c", KILLED, "run", "exponential_wall", "--lattices=1", "--out", out),
+        *settings,
+    )
+    assert done.returncode == -signal.SIGKILL
+    assert done.stdout.startswith("restitution e ")
+    assert done.stdout.endswith(f"files in {out}\n")
+    assert set(contents(out)) - {"plot.png"} == FILES
+    assert summary_in(out)["status"] == "done"
+    assert summary_in(out)["video"] is None
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    # what a killed process has not finished does not make the folder another's
+    (out / ".host-1.new.video.mp4").touch()
+    monkeypatch.setattr("taichi_disk.render.film.draw_film", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run(load_scene("exponential_wall", SMALL), out, lattices=1)
+    assert set(contents(out)) - {"plot.png"} == FILES
+    assert summary_in(out)["status"] == "done"
+    assert os.listdir(tmp_path) == ["o"]
 
 
 @pytest.mark.validate

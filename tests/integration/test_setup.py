@@ -1,18 +1,32 @@
-"""The set-up script in a clone: line ends, a finished environment, machines without
-browsers."""
+"""The set-up script in a clone: line ends, a finished environment, copied folders,
+ordinary users, machines without browsers, drivers or wheels."""
 
 from __future__ import annotations
 
 import os
 import shutil
 import subprocess
+import sys
+import tempfile
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
-TOOLS = ("cat", "dirname", "find", "ldconfig", "rm", "seq", "sh", "sleep", "touch")
+TOOLS = (
+    *("cat", "cp", "dirname", "find", "grep", "ldd", "mkdir", "rm", "seq", "sh"),
+    *("sleep", "touch", "uname"),
+)
 USED = "glslangValidator"  # stands for what the tests need from the system
+NOBODY = 65534  # an ordinary user
+# what stands for Python, and for pip as it installs the program
+PYTHON = """
+case "$*" in
+    "-m venv "*) echo venv >> calls; mkdir -p .venv/bin; cp "$0" .venv/bin/python ;;
+    "-m pip "*)
+        echo "pip $PIP_USER" >> calls
+        echo "#!$PWD/.venv/bin/python" > .venv/bin/taichi-disk ;;
+esac"""
 
 
 def script(path: Path, text: str) -> None:
@@ -23,31 +37,31 @@ def script(path: Path, text: str) -> None:
 
 @pytest.fixture
 def clone(tmp_path):
-    """Return a folder with the script, and a search path without browsers and sudo."""
-    for folder in (".ci", ".venv/bin", "tools"):
-        (tmp_path / folder).mkdir(parents=True)
-    shutil.copy(ROOT / ".ci" / "setup", tmp_path / ".ci")
-    (tmp_path / "pyproject.toml").touch()
-    os.utime(tmp_path / "pyproject.toml", (0, 0))
-    python = 'case "$*" in *pip*) echo pip >> calls ;; esac'
-    script(tmp_path / ".venv/bin/python", python)
-    script(tmp_path / "tools/python3", "")
-    script(tmp_path / f"tools/{USED}", "")
-    script(tmp_path / "tools/id", "echo 1000")
-    script(tmp_path / "tools/apt-get", 'echo "apt-get $*" >> calls')
+    """Return a folder with the script, and a search path without browsers, sudo and
+    sbin."""
+    folder = tmp_path.resolve() / "Meine Übung"
+    for name in (".ci", "tools"):
+        (folder / name).mkdir(parents=True)
+    shutil.copy(ROOT / ".ci" / "setup", folder / ".ci")
+    (folder / "pyproject.toml").touch()
+    os.utime(folder / "pyproject.toml", (0, 0))
+    script(folder / "tools/python3", PYTHON)
+    script(folder / f"tools/{USED}", "")
+    script(folder / "tools/id", "echo 1000")
+    script(folder / "tools/apt-get", 'echo "apt-get $*" >> calls')
     for name in TOOLS:
-        target = shutil.which(name) or shutil.which(name, path="/sbin:/usr/sbin")
+        target = shutil.which(name)
         if target is None:
             pytest.skip(f"there is no {name}")
-        (tmp_path / "tools" / name).symlink_to(target)
-    return tmp_path
+        (folder / "tools" / name).symlink_to(target)
+    return folder
 
 
-def set_up(clone):
+def set_up(clone, what="test"):
     done = subprocess.run(
-        ["sh", ".ci/setup", "test"],
+        ["sh", ".ci/setup", what],
         cwd=clone,
-        env={"PATH": str(clone / "tools")},
+        env={"PATH": str(clone / "tools"), "PIP_USER": "1"},
         capture_output=True,
         text=True,
     )
@@ -63,13 +77,46 @@ def test_without_sudo_browsers_are_left_out_and_a_second_time_nothing_is_asked(c
     done, made = set_up(clone)
     assert done.returncode == 0, done.stderr
     assert "there is no sudo" in done.stderr
-    assert "no browsers here" in done.stdout
-    assert made == ["pip"]
+    assert "no chromium here: a test is left out" in done.stdout
+    assert made == ["venv", "pip 0"]
     done, made = set_up(clone)
     assert (done.returncode, done.stdout, made) == (0, "", [])
     os.utime(clone / "pyproject.toml")
     os.utime(clone / ".venv/ready-test", (0, 0))
-    assert set_up(clone)[1] == ["pip"]
+    assert set_up(clone)[1] == ["pip 0"]
+
+
+def test_without_sudo_and_a_vulkan_driver_films_are_pages(clone):
+    found = shutil.which("find")
+    script(
+        clone / "tools/find", f'case "$*" in *icd.d*) ;; *) exec {found} "$@" ;; esac'
+    )
+    done, made = set_up(clone, "run")
+    assert done.returncode == 0, done.stderr
+    assert "setup: no mesa-vulkan-drivers here: films are pages\n" in done.stdout
+    assert made == ["venv", "pip 0"]
+
+
+def test_a_copied_or_moved_folder_gets_an_environment_of_its_own(clone):
+    set_up(clone)
+    copy = clone.with_name("Kopie")
+    shutil.copytree(clone, copy, symlinks=True)
+    assert set_up(copy)[1] == ["venv", "pip 0"]
+    assert set_up(copy)[1] == set_up(clone)[1] == []
+
+
+@pytest.mark.parametrize(
+    ("tool", "line", "name"),
+    [("uname", "echo aarch64", "aarch64"), ("ldd", "echo musl libc >&2", "musl")],
+)
+def test_a_machine_without_wheels_is_named_before_anything_is_installed(
+    clone, tool, line, name
+):
+    script(clone / "tools" / tool, line)
+    done, made = set_up(clone)
+    assert (done.returncode, made) == (1, [])
+    assert done.stderr.startswith("setup: Taichi has no wheels for ")
+    assert name in done.stderr
 
 
 def test_it_waits_for_another_apt_get_and_says_why_a_package_is_missing(clone):
@@ -84,7 +131,7 @@ case "$*" in *chromium) echo "{missing}" >&2; exit 100 ;; esac""",
     )
     done, made = set_up(clone)
     assert done.returncode == 0, done.stderr
-    assert made == ["locked", "waited", "pip"]
+    assert made == ["locked", "waited", "venv", "pip 0"]
     assert missing in done.stderr
     assert "setup: no chromium here: a test is left out\n" in done.stdout
     assert "no firefox-esr here" not in done.stdout
@@ -105,3 +152,60 @@ def test_scripts_keep_their_line_ends_where_git_writes_others(tmp_path):
     assert b"\r" not in (tmp_path / "copy/.ci/setup").read_bytes()
     picture = (tmp_path / "copy/docs/images/view.png").read_bytes()
     assert picture == (ROOT / "docs/images/view.png").read_bytes()
+
+
+@pytest.mark.validate
+@pytest.mark.skipif(
+    not hasattr(os, "getuid") or os.getuid() != 0,
+    reason="only root can be another user",
+)
+def test_an_ordinary_user_makes_a_film_and_a_copy_of_the_folder_does_not_run_the_first(
+    ordinary,
+):
+    folder, shell = ordinary
+    small = "--lattices 1 --set lattice.points=60 --set video.size=64"
+    command = ".venv/bin/taichi-disk run exponential_wall --set video.seconds=0.2"
+    shell(f"sh .ci/setup && {command} {small}", check=True)
+    assert [one.name for one in folder.glob("out/*/video.*")]
+    paths = [one.read_text() for one in folder.glob(".venv/lib/*/*/*taichi_disk*.pth")]
+    assert paths == [f"{folder}\n"]  # which editors read
+    made = (folder / ".venv/ready-run").stat().st_mtime_ns
+    shell("sh .ci/setup", check=True)
+    assert (folder / ".venv/ready-run").stat().st_mtime_ns == made
+    copy = folder.with_name("Kopie")
+    shell(f"cp -a . {copy}", check=True)
+    done = shell(f"cd {copy} && .venv/bin/taichi-disk check exponential_wall")
+    assert done.returncode == 2
+    assert f"`sh .ci/setup` in {copy}" in done.stderr
+
+
+@pytest.fixture
+def ordinary():
+    """Return a copy of this tree that belongs to an ordinary user of Debian, and a
+    function that runs a line of a shell there as this user.
+
+    Packages of the tests serve if the user's Python can read them; pip downloads the
+    others.
+    """
+    home = Path(tempfile.mkdtemp())
+    folder = home / "Meine Übung"
+    for name in (".ci", "scenes", "taichi_disk"):
+        shutil.copytree(ROOT / name, folder / name)
+    for name in ("LICENSE", "README.md", "pyproject.toml"):
+        shutil.copy(ROOT / name, folder)
+    for path in (home, *home.rglob("*")):
+        os.chown(path, NOBODY, NOBODY)
+    user = {name: value for name, value in os.environ.items() if "PIP_" in name}
+    user |= {"HOME": str(home), "PATH": "/usr/local/bin:/usr/bin:/bin", "PIP_USER": "1"}
+
+    def shell(line, **options):
+        options |= {"user": NOBODY, "group": NOBODY, "extra_groups": []}
+        options |= {"cwd": folder, "capture_output": True, "text": True, "env": user}
+        return subprocess.run(["sh", "-c", line], **options)
+
+    version = "import sys; print(sys.version_info[:2])"
+    if shell(f"python3 -c '{version}'").stdout == f"{sys.version_info[:2]}\n":
+        installed = [path for path in sys.path if path.endswith("-packages")]
+        user["PYTHONPATH"] = os.pathsep.join(installed)
+    yield folder, shell
+    shutil.rmtree(home)

@@ -144,14 +144,13 @@ def interrupted(out, after, number):
     assert "Traceback" not in err
     assert not list(out.parent.glob(".*"))
     if out.exists():
+        # It is done if only the film is missing.
         status = summary_in(out)["status"]
-        assert status == ("done" if process.returncode == 0 else "interrupted")
-        films = {one.name for one in out.iterdir() if one.suffix in FILMS}
-        assert films <= {"video.mp4"}
+        films = [one.name for one in out.iterdir() if "video" in one.name]
+        assert status in ("done", "interrupted")
+        assert films in ([], ["video.mp4"])
         assert status == "done" or not films
-
-
-FILMS = (".mp4", ".partial")
+        assert films or process.returncode
 
 
 def test_ctrl_c_is_raised_at_a_check_or_at_the_end_and_a_second_one_at_once():
@@ -297,7 +296,7 @@ def test_an_interrupt_at_any_moment_ends_with_130_and_leaves_nothing_half_writte
     tmp_path, run_time, number
 ):
     moments = random.Random(7 + int(number))
-    for k in range(6):
+    for k in range(4):
         interrupted(tmp_path / str(k) / "o", moments.uniform(0.05, run_time), number)
 
 

@@ -1,8 +1,6 @@
 """The documentation site: formulas without the internet, reference pages, and a search
 that finds words."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

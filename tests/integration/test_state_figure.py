@@ -1,7 +1,5 @@
 """A state on Matplotlib axes of any kind; test_looks records what is drawn there."""
 
-from __future__ import annotations
-
 import sys
 
 import matplotlib.pyplot as plt

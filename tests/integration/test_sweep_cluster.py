@@ -2,8 +2,6 @@
 process, and no finished point is lost.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import signal
@@ -237,7 +235,7 @@ class Cluster:
         with Client(self.address, set_as_default=False) as client:
             client.wait_for_workers(1, timeout=PATIENCE)
 
-    def without_workers(self) -> Cluster:
+    def without_workers(self) -> "Cluster":
         for worker in self.workers:
             kill(worker)
         return self

@@ -1,8 +1,6 @@
 """The files of `python -m build` are complete: installed elsewhere, without the
 checkout, they do the main job."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import tarfile

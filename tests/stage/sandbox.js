@@ -4,7 +4,7 @@ const HELLO = {
   kind: "hello",
   columns: ["com_x", "com_y", "com_vx", "com_vy", "lowest_y"],
   curves: [
-    ["energy", "translation", "#111", "#aaa"],
+    ["energy", "flight", "#111", "#aaa"],
     ["energy", "elastic", "#222", "#bbb"],
     ["force", "force of the wall", "#333", "#ccc"],
     ["motion", "motion", "#444", "#ddd"],
@@ -15,32 +15,34 @@ const HELLO = {
     card({ name: "Elastic", group: "Walls", kind: "absorbing_wall", boundary: "pinned", velocity: 0.09 }),
     card({ name: "Dashpots", group: "Walls", kind: "absorbing_wall", boundary: "dashpot" }),
     card({ name: "Load", group: "Loads", kind: "compression", load: 0.01, velocity: 0 }),
-    { name: "file", sentence: "From a folder.", group: "Loads" },
+    { name: "file", question: "From a folder.", group: "Loads" },
   ],
   keys: [["space", "throw"], ["Left Right", "in time"], ["t", "theme"], ["h", "hit"]],
   repeating: ["Left", "e"],
 };
 function card(more) {
   const numbers = { velocity: 0.04, angle: 0, spin: 0, turn: 0, load: 0, hardness: 300, boundary: "" };
-  const words = { name: "Bounce", sentence: "How high? Not so high.", group: "", kind: "exponential_wall" };
+  const words = { name: "Bounce", question: "How high?", group: "", kind: "exponential_wall" };
   return { ...words, ...numbers, ...more };
 }
 const slider = (key, name, unit, low, high, value, keys = "", live = true) => {
-  return { key, name, unit, low, high, value, keys, live, meaning: `what ${name} is` };
+  return { key, name, symbol: name[0], unit, low, high, value, keys, live, meaning: `what ${name} is` };
 };
 const PANEL = {
   kind: "panel",
   message: "",
+  refusals: 0,
   status: "same as taichi-disk run",
   warnings: ["few points"],
   paused: true,
   slow: true,
   aimed: null,
   name: "Bounce",
-  sentence: "How high? Not so high.",
+  question: "How high?",
+  answer: "",
   number: 0,
   title: ["Bounce", "N = 7"],
-  hint: "drag the disk",
+  hint: "",
   atStart: true,
   sliders: [
     slider("impact.velocity", "speed v", "c", 1e-3, 0.1, 0.04, "Up Down"),
@@ -68,6 +70,7 @@ const GRAPHS = {
   t: [0],
   values: [[8e-4], [0], [0], [-SPEED]],
   motion: ["velocity upwards", "c"],
+  flight: "flight",
 };
 const CONTACT = {
   t: [0, 1.3, 2.6, 4],
@@ -151,7 +154,10 @@ function record() {
     forces: [5, 1e-3, 0.015, 6, 2e-4, 2e-4, 0, -0.01, 0.02],
     graph: [2e-4, 4e-4, 0.03, 0.004],
   };
-  step("the page opens", () => stage.sockets[0].onopen());
+  step("the page opens, and space is pressed", () => {
+    stage.sockets[0].onopen();
+    key(" ");
+  });
   look("the program begins", () => {
     tell(HELLO);
     tell(SCENE);
@@ -162,7 +168,7 @@ function record() {
   });
   step("aimed", () => show({ aimed: [0.06, 0.35] }));
   step("thrown", () => {
-    show({ aimed: null, paused: false, atStart: false, hint: "" });
+    show({ aimed: null, paused: false, atStart: false });
     showState({ number: 2, t: 1.3, centre: [0.22, 0.9], graph: [6e-4, 1e-4, 0.01, -0.03] });
   });
   look("in contact, with all options", () => {
@@ -218,7 +224,7 @@ function record() {
       unused: ["hit", "slow", "arrow"],
       labels: { drop: "Load", collect: "Collect ξ(P)", curve: "ξ over P" },
     });
-    tell({ ...GRAPHS, motion: ["compression ξ", "R"] });
+    tell({ ...GRAPHS, motion: ["compression ξ", "R"], flight: "motion" });
     show({ atStart: true, number: 3, status: "disturbed", warnings: [], seed: 6, loadRange: [1e-4, 0.05] });
     showState({ number: 6, wall: [-2, 0, 0, -0.2, 2, 0], forces: [8, 0, -0.01] });
   });
@@ -231,13 +237,12 @@ function record() {
   look("the end of a throw", () => {
     tell(SCENE);
     tell({ ...GRAPHS, ...CONTACT });
-    show({ atStart: false, paused: true, number: 0, results: RESULTS, loadRange: [1e-3, 0.1], status: PANEL.status });
+    show({ atStart: false, paused: true, number: 0, answer: "Not so high.", results: RESULTS, loadRange: [1e-3, 0.1], status: PANEL.status });
     showState({ number: 8, t: 4, caption: "t = 4\n*e = 0.912", velocity: [0.01, 0.031] });
   });
-  step("a number is another", () => show(withValue("material.eta_star", 3)));
   step("the next throw", () => {
     tell(GRAPHS);
-    show({ atStart: true, ...withValue("material.eta_star", 2.5) });
+    show({ atStart: true });
     showState({ number: 9 });
   });
   step("energies below zero, of a spin", () => {
@@ -273,6 +278,15 @@ function record() {
     type("impact.velocity", "1/50");
     type("impact.angle", "45°", 1);
     type("impact.angle", "2%");
+    type("impact.angle", "-2");
+  });
+  step("the right number is taken", () => show({ message: "", ...withValue("impact.angle", -2) }));
+  step("a number is refused twice", () => {
+    for (const refusals of [1, 2]) {
+      show({ refusals, message: "too fast" });
+      note(`  ${get("message").textContent}`);
+      sandbox.say("");
+    }
   });
   step("led", () => {
     lead("impact.velocity", 0.5);

@@ -214,40 +214,46 @@ function described(root) {
 const step = (name, act) => perform(name, act, false);
 const look = (name, act) => perform(name, act, true);
 
-// Return lines of which those of a rim, which is drawn below a line or a text, are part of its line.
-function withRims(lines) {
+// Join lines: a rim with what it surrounds, the number of an axis with its tick, columns of a scale.
+function joined(lines) {
   const found = [];
   for (const line of lines) {
+    const last = found.at(-1) ?? "";
     const below = found.slice(-2).find((one) => {
       const shape = one.split(" wide ")[1];
       return shape && line.endsWith(` ${shape}`);
     });
-    if (below) found.splice(found.lastIndexOf(below), 1);
-    found.push(below ? `${line} on ${below.trim().split(" wide ")[0]}` : line);
+    const isTicked = line.startsWith("  text") && /^  stroke (rule|faint) .* 1 wide [^t]*$/.test(last);
+    const isColumn = [line, last].every((one) => one.startsWith("  rect rgb"));
+    if (isTicked || isColumn) found.push(`${found.pop()}${line.slice(1)}`);
+    else if (below) {
+      found.splice(found.lastIndexOf(below), 1);
+      found.push(`${line} on ${below.trim().split(" wide ")[0]}`);
+    } else found.push(line);
   }
   return found;
 }
 
 function perform(name, act, isLooked) {
-  note(name);
+  const title = stage.lines.push(name) - 1;
   act?.();
   drawFrame();
   const { drawn, everDrawn } = stage;
-  const news = new Set(isLooked ? withRims(drawn).filter((line) => !everDrawn.has(line)) : []);
+  const news = new Set(isLooked ? joined(drawn).filter((line) => !everDrawn.has(line)) : []);
   for (const line of news) {
     note(line);
     everDrawn.add(line);
   }
   const same = drawn.filter((line) => stage.lastDrawn.includes(line)).length;
   if (drawn.length) {
-    note(`  ${drawn.length} strokes and texts, ${same} as before`);
+    stage.lines[title] += `; ${drawn.length} strokes and texts, ${same} as before`;
     stage.lastDrawn = drawn;
   }
   stage.drawn = [];
   const shown = described(stage.root);
   for (const line of shown) if (!stage.shown.includes(line)) note(line);
   const gone = stage.shown.filter((line) => !shown.includes(line)).length;
-  if (gone) note(`  ${gone} others are gone`);
+  if (gone) stage.lines[title] += `; ${gone} lines are gone`;
   stage.shown = shown;
 }
 

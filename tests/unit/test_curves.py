@@ -1,15 +1,20 @@
 """Fits recover known parameters, and their intervals contain them as often as they
 should."""
 
+import itertools
+
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 from scipy.stats import ttest_1samp
 
 from docs.experiments.quasistatic import quasistatic_impact
 from taichi_disk.figures import theory
-from taichi_disk.figures.curves import analyse
-from taichi_disk.figures.drawing import curve_styles, draw
+from taichi_disk.figures.curves import LAWS, analyse
+from taichi_disk.figures.drawing import FONT, curve_styles, draw, log_if_wide
+from taichi_disk.figures.texts import curve_rows
+from taichi_disk.output.plot import STYLE, matplotlib_style
 from taichi_disk.scenes import load_scene
 from taichi_disk.scenes.compression import paper_compression
 
@@ -248,3 +253,54 @@ def test_the_same_values_draw_the_same_bytes(tmp_path):
         names = ("figure.svg", "figure.png", "figure.pdf")
         drawn.append([(tmp_path / name).read_bytes() for name in names])
     assert drawn[0] == drawn[1]
+
+
+def test_folded_points_are_left_out_and_lattices_are_complete_elsewhere():
+    rows = thrown(30.0, lattices=5)
+    whole = analyse(load_scene("exponential_wall"), THROW_AXES, rows).curves[0]
+    text = "3 triangles of the lattice turned inside out: springs have crossed"
+    for row in rows:
+        if row["velocity"] == V[-1] or (row["seed"], row["velocity"]) == (2, V[3]):
+            row["warnings"] = text
+            row["restitution"] = 0.3
+    (curve,) = analyse(load_scene("exponential_wall"), THROW_AXES, rows).curves
+    assert curve.folded == 6
+    np.testing.assert_array_equal(curve.x, V[:-1])
+    np.testing.assert_array_equal(curve.y, whole.y[[0, 1, 3, 4], :-1])
+    ((label, _laws),) = curve_rows([curve.summary()])
+    assert label == "eta_star: 30, lattices: 4, 6 folded points left out"
+    # they are drawn, as they are, over any other axis
+    diagram = analyse(load_scene("exponential_wall"), THROW_AXES, rows, x="eta_star")
+    assert sum(np.isfinite(one.y).sum() for one in diagram.curves) == 60
+
+
+def test_the_line_of_eq_5_ends_where_e_is_1():
+    rows = thrown(-3.0)  # e is above 1 at all speeds
+    for row in thrown(3.0):
+        rows.append(row | {"restitution": row["restitution"] * 1.0065})
+    curves = analyse(load_scene("absorbing_wall"), THROW_AXES, rows).curves
+    beyond, some = (LAWS["eq5"].line(one, one.fits["eq5"]) for one in curves)
+    assert len(beyond[0]) == 0
+    assert 0 < len(some[0]) < 80
+    assert some[1].max() <= 1.0 < curves[1].mean.max()
+
+
+@pytest.mark.parametrize("span", [5.0, 17.0, 99.0, 101.0, 1e3, 1e5])
+def test_labels_of_a_logarithmic_axis_do_not_touch(span):
+    x = np.geomspace(1e-3, 1e-3 * span, 9)
+    with matplotlib_style({**STYLE, **FONT}):
+        figure = Figure(figsize=(3.4, 2.9), layout="constrained")
+        axes = figure.subplots()
+        axes.plot(x, x)
+        log_if_wide(axes, x)
+        figure.draw_without_rendering()
+    low, high = axes.get_xlim()
+    seen = [
+        label
+        for label in axes.get_xticklabels()
+        if low <= label.get_position()[0] <= high
+    ]
+    boxes = [label.get_window_extent() for label in seen]
+    assert len(boxes) > 1
+    for left, right in itertools.pairwise(boxes):
+        assert left.x1 < right.x0

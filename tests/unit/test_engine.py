@@ -3,13 +3,16 @@ necessary."""
 
 import os
 import re
+import resource
 import time
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
+from taichi_disk import runtime
 from taichi_disk.engine import environment, internals, ti
+from taichi_disk.errors import TaichiDiskError
 
 ROOT = Path(__file__).parents[2]
 INIT = "__init__.py"
@@ -29,6 +32,35 @@ def test_the_lock_of_a_process_that_was_killed_goes_and_that_of_another_process_
     environment.remove_stale_lock()
     assert lock.exists() == stays
     environment.remove_stale_lock()
+
+
+def test_a_cache_that_cannot_be_read_or_has_no_room_is_named(tmp_path, monkeypatch):
+    monkeypatch.setenv(environment.CACHE, str(tmp_path))
+    assert environment.cache_problem() == ""
+    (tmp_path / "ticache.tcb").mkdir()
+    assert environment.cache_problem() == f"{tmp_path}: Is a directory"
+    (tmp_path / "ticache.tcb").rmdir()
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, limits[1]))  # as if it were full
+    try:
+        assert environment.cache_problem() == f"{tmp_path}: File too large"
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+@pytest.mark.parametrize(
+    ("error", "limit"),
+    [("Resource temporarily unavailable", "-u"), ("Out of memory", "-v")],
+)
+def test_a_limit_that_keeps_the_engine_from_starting_is_named(
+    monkeypatch, error, limit
+):
+    def fails(init):
+        raise RuntimeError(error)
+
+    monkeypatch.setattr(runtime.owner, "start", fails)
+    with pytest.raises(TaichiDiskError, match=f"{error}; .*`ulimit {limit}`"):
+        runtime._init(ti, 1)
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from taichi_disk.fields import (
 )
 from taichi_disk.lattice import Lattice, with_wall
 from taichi_disk.physics import Springs
+from taichi_disk.render.painter import Painter
 
 SPRINGS = Springs(1.3, 0.4)
 DISK = Lattice.disk(300, 1)
@@ -241,3 +242,21 @@ def test_a_field_says_where_it_lives_and_in_which_unit():
         assert found.values.shape == (count[found.on],)
         assert found.unit == quantity.unit
         assert quantity.signed or found.values.min() >= 0.0
+
+
+@pytest.mark.parametrize("colour", QUANTITIES)
+def test_a_vibration_shown_3_times_stronger_has_the_colours_of_one_3_times_as_large(
+    colour,
+):
+    rest = DISK.positions
+    painter = Painter(DISK, SPRINGS, colour=colour)
+
+    def colours(ringing, factor):
+        painter.ringing = ringing
+        x = rest + factor * 1e-3 * np.sin(3.0 * rest[:, ::-1])
+        v = factor * 1e-3 * np.cos(4.0 * rest)
+        return painter.normalised(painter.values(x, v))
+
+    expected = colours(1.0, 3.0)
+    change = expected - colours(1.0, 0.0)
+    assert np.abs(colours(3.0, 1.0) - expected).max() < 0.03 * np.abs(change).max()

@@ -56,6 +56,23 @@ def test_no_magnified_point_is_drawn_below_the_edge_of_a_wall_or_the_lowest_poin
         ).all()
 
 
+def test_a_ringing_is_drawn_larger_around_the_centre_of_the_disk():
+    rest = DISK.positions + [0.0, 1.5]
+    wave = 0.01 * np.sin(3.0 * rest[:, ::-1])
+    wave -= wave.mean(axis=0)
+    drawn = placed(DISK, rest + wave, 2.0, ringing=4.0)
+    at_rest = placed(DISK, rest, 2.0)
+    # a part of the wave is a turn of the whole disk, which is not drawn larger
+    arms = rest - rest.mean(axis=0)
+    turn = (arms[:, ::-1] * [-1.0, 1.0] * wave).sum() / (arms**2).sum()
+    strain = wave - turn * arms[:, ::-1] * [-1.0, 1.0]
+    moved = drawn - at_rest - (drawn - at_rest).mean(axis=0)
+    assert moved == pytest.approx(8.0 * strain, abs=0.01)
+    assert np.abs(8.0 * strain).max() > 0.05
+    centre = placed(DISK, rest + wave, 2.0).mean(axis=0)
+    assert drawn.mean(axis=0) == pytest.approx(centre, abs=1e-12)
+
+
 def test_a_film_magnifies_the_flattening_to_about_a_twentieth_of_r_if_not_told():
     assert magnification("auto", 0.0101) == 5.0
     assert magnification("auto", 0.07) == 1.0  # never smaller

@@ -73,7 +73,7 @@ def invented(name, *settings):
     def pressed(t):
         """Return how far the contact has come, 0 to 1, and how strong it is."""
         part = np.clip((t - first) / (last - first), 0.0, 1.0)
-        if scenario.static:
+        if not scenario.is_thrown:
             return part, part
         return part, 3.0 / first * np.sin(np.pi * part) ** 2
 
@@ -103,6 +103,8 @@ def invented(name, *settings):
     columns["xi"] = 0.02 * strength
     columns["residual"] = 1e-3 * 0.1**t
     columns["elastic"] = 1e-3 * strength
+    if scenario.is_thrown:
+        columns["elastic"] += 2e-5 * (part == 1.0)  # the disk rings
     columns["wall"] = 2e-4 * strength
     columns["load"] = 5e-4 - 4e-4 * part
     columns["translation"] = 0.5 * (columns["com_vy"] ** 2 + 1e-4)
@@ -265,7 +267,7 @@ def test_a_film(name, tmp_path, monkeypatch, record):
     monkeypatch.setattr(words, "stamp", stamp)
     monkeypatch.setattr(painting, "get_field_info", lambda array: array)
     monkeypatch.setattr(painting.Painter, "paint", noted)
-    monkeypatch.setattr(film, "require_film", lambda: None)
+    monkeypatch.setattr(film, "require_film", lambda artist: None)
     monkeypatch.setattr(pictures, "open_window", lambda size: Sheet(size, notes))
     look = video(fps=10, **keys)
     film.draw_film(tmp_path / "film", runs, look, silent)
@@ -359,16 +361,16 @@ def test_words_of_pictures(size, factor, colour, record):
     letters = fitting_letters(Letters(size, factor), [CAPTIONS], size)
     camera, legends = arranged(disks, size, letters, (-1.5, 1.5, 0.0, 2.4))
     scales = Scales(drawer, 2 * size, letters, camera.scale)
-    pace = ("1 s = 5.3 R/c", "slow motion, 5 times")
+    pace = ("1 s = 5.3 R/c", "slowed 5 times")
     notes = [f"camera {numbers([camera.scale, *camera.middle])}"]
     notes[0] += f" heading {number(letters.heading.size)} footer {letters.footer}"
     for legend in legends:
-        notes += of_lines(legend.lines, letters, letters.heading.size)
+        notes.append("; ".join(of_lines(legend.lines, letters, letters.heading.size)))
     notes += of_lines(scales.lines, letters)
     notes += of_lines(scales.pace_lines(pace), letters)
     for caption in CAPTIONS:
         changing = caption_lines(letters, caption, size)
-        notes += of_lines(changing, letters, letters.heading.size)
+        notes.append("; ".join(of_lines(changing, letters, letters.heading.size)))
         assert not clashes([*legends[0].lines, *changing], size)
     assert not clashes([*scales.lines, *scales.pace_lines(pace)], 2 * size)
     below = np.zeros((letters.footer + 2, 2 * size, 4), np.uint8)

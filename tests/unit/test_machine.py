@@ -1,12 +1,15 @@
-"""The cores that a process may use, and Pythons that run no files of the user."""
+"""The cores that a process may use, drivers that do not work, and Pythons that run no
+files of the user."""
 
 import os
 import subprocess
 import sys
 from math import inf
+from types import SimpleNamespace
 
 import pytest
 
+from taichi_disk import machine
 from taichi_disk.machine import can_start_python, cores, cpu_quota
 
 
@@ -72,3 +75,37 @@ def test_an_application_that_contains_python_is_no_python(
     assert can_start_python() == is_python
     monkeypatch.setattr(sys, "frozen", True, raising=False)
     assert not can_start_python()
+
+
+@pytest.mark.parametrize(
+    ("created", "devices", "state"),
+    [(-9, 0, "cannot be loaded"), (0, 0, "has no device"), (0, 1, "")],
+)
+def test_a_vulkan_driver_cannot_be_loaded_or_has_no_device_or_works(
+    monkeypatch, created, devices, state
+):
+    def enumerate_devices(instance, count, no_list):
+        count._obj.value = devices
+
+    loader = SimpleNamespace(
+        vkCreateInstance=lambda *_: created,
+        vkEnumeratePhysicalDevices=enumerate_devices,
+    )
+    monkeypatch.setattr(machine, "CDLL", lambda name: loader)
+    assert machine.driver_state() == state
+
+
+def test_a_driver_that_fails_is_described_with_what_helps(monkeypatch):
+    for name in machine.DRIVER_VARIABLES:
+        monkeypatch.delenv(name, raising=False)
+    found = ["/icd.d/intel_icd.json", "/icd.d/lvp_icd.json"]
+    monkeypatch.setattr(machine, "glob", lambda pattern: found)
+    monkeypatch.setenv("LD_LIBRARY_PATH", "/opt/conda/lib")
+    assert machine.driver_problem("crashed with SIGSEGV") == (
+        "the Vulkan driver crashed with SIGSEGV, so no MP4, WebM, GIF or PNG: try again"
+        " without LD_LIBRARY_PATH=/opt/conda/lib, or with"
+        f" VK_DRIVER_FILES=/icd.d/lvp_icd.json, or after, as root: {machine.REMEDY}"
+    )
+    found.clear()
+    missing = machine.driver_problem("cannot be loaded")
+    assert missing.startswith("there is no Vulkan driver, so no MP4")

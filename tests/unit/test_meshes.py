@@ -150,7 +150,7 @@ $EndElements
             CURVE.format(last=2),
             r"\(physical groups: rim\); if there",
         ),
-        ("a.msh", CURVE.format(last=10**13), "has the number 10000000000000, far"),
+        ("a.msh", CURVE.format(last=10**13), "has a number above 99,999,999"),
         ("a.inp", "*NODE\n1,0,0\n*Include,INPUT=a.inp\n", "it includes another file"),
         ("a.dat", "0 1\n", r"it is no .dat file\): write its points as a table"),
         ("a.xyz", "0\n", r"write its points as a table \(.csv\)"),

@@ -3,7 +3,6 @@ bytes each time."""
 
 import filecmp
 import os
-import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -74,12 +73,6 @@ def test_plots_by_threads_with_other_styles_and_by_another_process_have_the_same
             artist.begin(plot_run, tmp_path / "b.png", plot_scene(*impact))()
             assert (process() != os.getpid()) == is_elsewhere
         assert (tmp_path / "b.png").read_bytes() == first
-
-
-def test_matplotlib_is_not_imported_for_names_and_colours_of_the_curves():
-    code = "import sys, taichi_disk.render.palette; print('matplotlib' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.stdout.splitlines()[-1] == "False"
 
 
 @pytest.mark.parametrize(

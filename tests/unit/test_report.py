@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from taichi_disk.output.report import print_result, shown
+from taichi_disk.output.report import print_result, print_time, shown
 
 LABELS = {"restitution": ("restitution e", ""), "contact_time": ("contact time", "R/c")}
 
@@ -63,14 +63,15 @@ def test_without_an_estimate_few_digits_are_shown_unless_there_are_no_steps():
 
 def test_the_screen_says_the_result_how_it_was_computed_and_how_long_that_took(capsys):
     print_result(SUMMARY, LABELS, Path("out/run-2"))
+    print_time(SUMMARY)
     assert printed(capsys) == [
         "restitution e 0.967234 ± 1.6e-5 (time step, this lattice only)",
         "contact time 4.123 R/c",
         "time step 0.0123457 R/c",
         "steps 1,234 (trapezoidal)",
         "energy imbalance at the end 1.23e-06",
-        "wall clock 1.5 s (import 1.0, simulate 0.3, plot 0.1)",
         "files in out/run-2",
+        "wall clock 1.5 s (import 1.0, simulate 0.3, plot 0.1)",
     ]
     print_result(SUMMARY | {"error_estimate": {}}, LABELS, Path("o"))
     unknown = "0.9672 (error of the time step not estimated)"

@@ -46,11 +46,11 @@ def compute(
 ):
     """Write a run of a few files that contain `mark`, and return its folder."""
     with run_folder(as_path(out, "out"), scene, count_on, **options) as folder:
+        if status == "done":
+            folder.take_over()
         for name in ("timeseries.csv", "plot.png", *files):
             (folder.path / name).parent.mkdir(exist_ok=True)
             (folder.path / name).write_text(mark)
-        if status == "done":
-            folder.take_over()
         summary = {"status": status, "lattice_digest": options.get("lattice", "")}
         (folder.path / "summary.json").write_text(json.dumps(summary))
         if status == "failed":
@@ -188,7 +188,8 @@ def test_films_and_trajectories_made_from_a_run_stay_beside_it(tmp_path):
     for name in made:
         (out / name).write_text("x")
     with run_folder(out, SCENE, count_on=False) as folder:
-        assert folder.take_over() == "video.mp4"
+        folder.take_over()
+        assert folder.film() == "video.mp4"
         end(folder)
     assert set(content(out)) == {"scene.yaml", "summary.json", "video.mp4", *made}
     for mark in ("old", "new"):

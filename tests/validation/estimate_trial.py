@@ -11,8 +11,6 @@ judged. But if a chaotic impact's result still changes by more than the claim wh
 step is 32 or 128 times shorter, the claim has failed.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 from dataclasses import dataclass

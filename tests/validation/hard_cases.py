@@ -8,8 +8,6 @@ reason and a remedy; refused before anything is computed. The tests check every 
     the table of docs/stability.md
 """
 
-from __future__ import annotations
-
 import argparse
 import re
 from collections.abc import Callable

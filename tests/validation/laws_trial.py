@@ -1,13 +1,11 @@
 """Whether what a sweep concludes is true: how often the 95 % intervals of a fit contain
 the parameters, and how often a law is refuted that holds, or one that does not.
 
-    python -m tests.validation.laws_trial [--lattices 150] [--draws 2000]
+    python -m tests.validation.laws_trial [--lattices 150] [--draws 1000]
 
 The program computes a population of small lattices, about half a minute, and draws
 sweeps of a few lattices from it. It prints the tables of docs/numerics.md.
 """
-
-from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator
@@ -143,7 +141,7 @@ def tables(e: Array, draws: int) -> Iterator[str]:
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--lattices", type=int, default=150)
-    parser.add_argument("--draws", type=int, default=2000)
+    parser.add_argument("--draws", type=int, default=1000)
     options = parser.parse_args()
     e = population(options.lattices)
     fit = fit_restitution(SPEEDS, e)

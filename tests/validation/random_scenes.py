@@ -1,7 +1,5 @@
 """Random scenes by number. A number gives the same scene everywhere."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace

@@ -5,8 +5,6 @@ The disk has 60 points; its modes are like those of any lattice, and 10^6 steps 
 second.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

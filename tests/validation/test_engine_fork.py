@@ -1,8 +1,6 @@
 """Taichi Forge, which runs where Taichi has no wheels, gives bitwise the same results
 and films."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

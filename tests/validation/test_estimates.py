@@ -1,8 +1,6 @@
 """Random scenes with known results: tolerances are kept, and the error estimates of
 runs hold."""
 
-from __future__ import annotations
-
 import pytest
 
 from .estimate_trial import judge, report

@@ -1,7 +1,5 @@
 """The research programs of docs/experiments reproduce known theory."""
 
-from __future__ import annotations
-
 import csv
 import importlib.util
 import sys

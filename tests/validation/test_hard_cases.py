@@ -1,8 +1,6 @@
 """Every scene ends: done with a closed energy balance, or stopped with the reason and a
 remedy."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import pytest

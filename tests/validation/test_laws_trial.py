@@ -1,8 +1,6 @@
 """Intervals of fits contain the true values, and laws are refuted, as often as
 docs/numerics.md says."""
 
-from __future__ import annotations
-
 import pytest
 
 from . import laws_trial as trial

@@ -6,8 +6,6 @@ contact that jumps from spring to spring, are not smooth forces; then the true r
 the program's own at a 32nd of the step (`refined`).
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
