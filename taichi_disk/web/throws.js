@@ -59,6 +59,12 @@ export class Throws {
     ui.list.ontoggle = () => this.showList();
     window.onhashchange = () => this.obey();
     this.obey();
+    if (this.rows.length) return;
+    // An address that is refused shows the film's own throw.
+    const refusal = ui.told.textContent;
+    this.want({ v: velocity, eta: eta_star });
+    this.throw();
+    tell(refusal);
   }
 
   // Take numbers, as far as the sliders go.
@@ -88,7 +94,7 @@ export class Throws {
   // Return the throw with these numbers, and write it into the table.
   thrown({ v, eta }) {
     const one = new Again(this.disk, this.film, v, eta);
-    const row = { ...ROW, load: v, eta_star: eta };
+    const row = { ...ROW, load: v, eta_star: eta, disturbance: one.folded ? "folded" : "" };
     const isKnown = this.rows.some((old) => old.load === v && old.eta_star === eta);
     if (!isKnown) this.rows.push({ ...row, value: one.flight.restitution });
     return one;
@@ -141,7 +147,7 @@ export class Throws {
   showList() {
     const { ui, rows, numbers } = this;
     if (!ui.list.open) return;
-    showResults(ui.table, rows);
+    showResults(ui.table, rows, true);
     const title = "restitution e over the speed v [c]";
     const range = [numbers[0].low, numbers[0].high];
     showDiagram(ui.diagram, ui.curve, rows, { title, range, fitted: false });

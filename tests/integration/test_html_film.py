@@ -1,8 +1,6 @@
 """The HTML film: a small file that needs no network, and in a real browser plays and
 shows the computed data."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -184,8 +182,6 @@ one.type === "checkbox" ? (one.checked = value) : (one.value = value);
 for (const kind of ["input", "change"])
   one.dispatchEvent(new Event(kind, { bubbles: true }));
 """
-CANVAS = "document.querySelector('canvas')"
-CURVES = "document.getElementById('curves')"
 MOVE = """
 const moment = document.getElementById("moment");
 moment.value = arguments[0];
@@ -308,52 +304,6 @@ def test_on_paper_no_circle_is_an_ellipse_and_forced_colours_leave_the_picture(
     style = "getComputedStyle(document.getElementById('graphs'))"
     ground = browser.script(f"return {style}.backgroundColor")
     assert ground == "rgb(250, 250, 248)"
-
-
-@pytest.mark.validate
-def test_from_a_file_it_plays_scrubs_zooms_magnifies_and_shows_every_quantity(
-    browser, folder
-):
-    opened(browser, folder / "film.html")
-    place = "return Number(document.getElementById('moment').value)"
-    browser.click("play")
-    before = browser.script(place)
-    time.sleep(0.7)
-    assert browser.script(place) != before  # it plays
-    browser.script(MOVE, 30)
-    there = browser.script(place)
-    time.sleep(0.3)
-    assert browser.script(place) == there
-    pictures = set()
-    for name in QUANTITIES:
-        browser.script(CHOOSE, "quantity", name)
-        pictures.add(browser.picture(CANVAS).tobytes())
-    assert len(pictures) == len(QUANTITIES)
-    browser.script(CHOOSE, "quantity", "shear")
-    shear = browser.picture(CANVAS)
-    disk = np.abs(shear[:-90] - shear[1, 1]).sum(axis=2) > 30
-    assert disk.mean() > 0.1
-    assert len(np.unique(shear.reshape(-1, 4), axis=0)) > 200
-    for name, value in (
-        ("magnify", 10),
-        ("draw", "springs"),
-        ("draw", "points"),
-        ("outline", True),
-        ("theme", "dark"),
-    ):
-        old = browser.picture(CANVAS)
-        browser.script(CHOOSE, name, value)
-        assert np.abs(browser.picture(CANVAS) - old).mean() > 0.2, name
-    speed = "document.querySelector('[data-key=speed] [type=text]')"
-    browser.script(f"{speed}.value = '-3'; {speed}.onchange()")
-    assert browser.script(f"return {speed}.value") == "0.1"
-    old = browser.picture(CANVAS)
-    browser.script(
-        "document.querySelector('canvas').dispatchEvent(new WheelEvent('wheel', "
-        "{deltaY: -600, clientX: 300, clientY: 300}))"
-    )
-    assert np.abs(browser.picture(CANVAS) - old).mean() > 1.0
-    assert browser.errors() == []
 
 
 # What is too small, or has no name. The marks on the time line are short cuts of the
@@ -511,7 +461,10 @@ def test_a_table_takes_the_addresses_of_others_and_long_throws_are_refused(
     browser, tmp_path
 ):
     scene = throwable(**{"impact.velocity": 2e-4, "material.eta_star": 0.0})
-    opened(browser, api.run(scene, lattices=1).film(tmp_path / "film.html"))
+    path = api.run(scene, lattices=1).film(tmp_path / "film.html")
+    browser.driver.get(f"{path.as_uri()}#v=0.0002&eta=100")
+    browser.driver.execute_async_script(WAIT_FOR_FILM)
+    assert "would take seconds here: taichi-disk run" in browser.script(SAYS)
     browser.script("document.getElementById('list').open = true")
     lines = [
         "https://x.org/a.html#v=0.1&eta=10&goal=0.9",
@@ -520,13 +473,12 @@ def test_a_table_takes_the_addresses_of_others_and_long_throws_are_refused(
     ]
     paste = "const one = document.getElementById('addresses');"
     paste += "one.value = arguments[0]; one.onchange()"
-    browser.script(paste, "\n".join([*lines, "#v=0.0002&eta=100", "v=0.02&eta=10"]))
+    browser.script(paste, "\n".join([*lines, "v=0.02&eta=10"]))
     faults = "return document.getElementById('faults').innerText"
-    browser.wait(lambda: browser.script(faults).count("\n") > 1)
+    browser.wait(lambda: browser.script(faults))
     assert "v=3&eta=x: not the address of a throw" in browser.script(faults)
-    assert "taichi-disk run exponential_wall --set" in browser.script(faults)
     table = "return [...document.querySelectorAll('#table td')].map((one) => one.title)"
-    cells = browser.script(table)
+    cells = browser.wait(lambda: browser.script(table))
     assert cells[2::5] == ["0.02", "0.1", "0.0002"]
     assert cells[3::5] == ["10", "10", "0"]
     dots = "return document.querySelectorAll('#diagram b').length"
