@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import re
 import subprocess
-from html import unescape
+from html import escape, unescape
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -30,8 +30,6 @@ FILM = re.compile(
     r"^\[(Play[^]]+)\]\((films/\w+\.html(?:#[^)]*)?)\)(?: \(download, then open\))?$",
     re.MULTILINE,
 )
-# The line of the README that leads to the site.
-SITE = re.compile(r"^\[The site\].*$", re.MULTILINE)
 QUESTION = "How fast does an elastic disk come back?"
 ROOT = Path(__file__).parents[1]
 PYTHON = {
@@ -139,7 +137,7 @@ def first_screen(text: str) -> str:
     head, rest = text.split("\n## ", 1)
     film = FILM.search(head)
     words = re.sub(r"^!\[[^]]*\]\([^)]*\)$", "", head, flags=re.MULTILINE)
-    words = FILM.sub("", SITE.sub("", words))
+    words = FILM.sub("", words)
     words = words.replace("# taichi_disk\n", f"# {QUESTION}\n")
     parts = [
         '<div class="first-screen" markdown>',
@@ -177,6 +175,19 @@ def on_page_content(html: str, **_: Any) -> str:
     return FORMULA.sub(
         lambda found: mathml(unescape(found[2]), block=found[1] == "div"), html
     )
+
+
+def on_post_page(html: str, page: Any, config: Any) -> str:
+    """Return a page with what chats show of a link to it, if the site's address is
+    known."""
+    if not config.site_url:
+        return html
+    shown = {"title": page.title, "image": f"{config.site_url}images/fringes.png"}
+    lines = [
+        f'<meta property="og:{name}" content="{escape(text)}">'
+        for name, text in shown.items()
+    ]
+    return html.replace("</head>", "\n".join([*lines, "</head>"]), 1)
 
 
 def mathml(formula: str, block: bool) -> str:

@@ -17,14 +17,22 @@ from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.lattice import double_area
 from taichi_disk.physics import Wall
-from taichi_disk.simulation.observables import INDEX, Columns, of_kind, total_energy
+from taichi_disk.simulation.observables import (
+    BY_NAME,
+    INDEX,
+    Columns,
+    of_kind,
+    total_energy,
+)
 
 # largest imbalance at the end and at any time without a shorter step
 MAX_CLOSING = 2e-5
 MAX_WORST = 1e-4
 # largest imbalance at the end of a valid run; more would show in the third digit of e
 MAX_IMBALANCE = 1e-3
-MIN_SPIN = 1e-9  # a disk with less angular momentum does not spin [M R c]
+# smallest angular momentum of a disk that spins, over 1 R times the momentum of its
+# flight
+MIN_SPIN = 1e-3
 MAX_SPIN_LOSS = 0.01  # fraction that may be lost in flight without a warning
 BLOW_UP = 0.1  # imbalance over the largest energy so far at which a run is ended
 
@@ -101,8 +109,9 @@ def _sliding(scenario: Scenario, columns: Columns) -> str:
 def energy_gained(
     scenario: Scenario, columns: Columns, error: float | None
 ) -> dict[str, float]:
-    """Return from where an impact with e above 1 took energy, by name, as fractions of
-    the energy of the flight towards the wall; empty if e is not above 1 by more than
+    """Return from where an impact with e above 1 took energy, and where it lost energy
+    (negative), by name, as fractions of the energy of the flight towards the wall. They
+    add up to e^2 - 1. Empty if e is not above 1 by more than
     its `error` (None: unknown)."""
     if not scenario.is_thrown:
         return {}
@@ -117,6 +126,9 @@ def energy_gained(
         "flight along the wall": 0.5 * columns["com_vx"] ** 2,
         "vibration": columns["vibration"] + columns["elastic"],
     }
+    for name in of_kind("loss"):
+        if columns[name].any():
+            stored[BY_NAME[name].label] = columns[name]
     return {
         name: float(energy[0] - energy[-1]) / flight for name, energy in stored.items()
     }
@@ -143,8 +155,12 @@ def faster_than_before(gained: dict[str, float]) -> str:
 
 
 def _rotation_lost(scenario: Scenario, columns: Columns) -> str:
+    if not scenario.model.springs.damped:
+        return ""
     t = columns["t"]
     spin = columns["angular_momentum"]
+    flight_speed = float(np.hypot(columns["com_vx"][0], columns["com_vy"][0]))
+    least = MIN_SPIN * flight_speed  # the mass is 1 M
     start, _ = contact_interval(columns)
     flights = {"before the contact": (t[0], start)}
     if "spin_after" in scenario.result(columns):
@@ -153,7 +169,7 @@ def _rotation_lost(scenario: Scenario, columns: Columns) -> str:
     lost = []
     for when, flight in flights.items():
         first, last = np.interp(flight, t, spin)
-        if abs(first) > MIN_SPIN and abs(last - first) > MAX_SPIN_LOSS * abs(first):
+        if abs(first) > least and abs(last - first) > MAX_SPIN_LOSS * abs(first):
             lost.append(f"{1.0 - last / first:.0%} of the angular momentum {when}")
     if not lost:
         return ""

@@ -22,7 +22,6 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, identity
 
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.triangles import Indices, double_area, norms, pair_keys
@@ -235,6 +234,9 @@ class Triangles:
         self.interfaces = self._interfaces(spring)
         area = np.abs(double_area(lattice.positions[self.triangles]))
         self._min_area = 0.5 * MIN_AREA * area
+        # not imported where pictures are only finished
+        from scipy.sparse import csr_array, identity
+
         # Three matrices for sums: `carried` over the springs of a triangle, `_around`
         # over the triangles around a point, `_neighbours` over a point and its
         # neighbours.

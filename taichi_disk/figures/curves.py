@@ -57,7 +57,7 @@ class Curve:
     young: float
     poisson: float  # nu, as for E
     is_damped: bool  # whether there are dashpots
-    folded: int  # number of points that are left out, because the lattice folds there
+    folded: int  # number of points that are left out of fits, where lattices fold
     fits: dict[str, Fit] = field(default_factory=dict)
 
     @property
@@ -281,7 +281,7 @@ def analyse(
         sound = members
         if diagram.is_of_laws:
             sound = _sound(members, x)
-        places, tables = _tables(sound, x, seed, results)
+        places, tables = _tables(sound or members, x, seed, results)
         if diagram.is_of_laws:
             complete = np.isfinite(tables[y]).all(axis=1)
             tables = {name: table[complete] for name, table in tables.items()}
@@ -298,7 +298,7 @@ def analyse(
             is_damped=_is_damped(base, label),
             folded=len([row for row in members if _is_folded(row)]),
         )
-        if diagram.is_of_laws:
+        if diagram.is_of_laws and sound:
             curve = replace(curve, fits=_fits(base, curve))
         diagram.curves.append(curve)
     return diagram

@@ -247,7 +247,7 @@ def _caption(curves: Sequence[Curve]) -> str:
         lattices = " or ".join(map(str, sorted(counts)))
         lines.append(f"Bars: 95 % interval of the mean, {lattices} lattices.")
     if any(curve.folded for curve in curves):
-        lines.append("Points where lattices fold are left out.")
+        lines.append("Points where lattices fold are in no fit.")
     refuted = []
     for name, law in LAWS.items():
         tried = [curve for curve in curves if law.line and name in curve.fits]

@@ -21,7 +21,7 @@ def curve_rows(
                 keys.append(f"{name}: {_as_text(value)}")
         keys.append(f"lattices: {curve['lattices']}")
         if curve["folded"]:
-            keys.append(f"{curve['folded']} folded points left out")
+            keys.append(f"{curve['folded']} folded points in no fit")
         laws = []
         for name, fit in curve["fits"].items():
             parts = _parameters(fit)

@@ -29,9 +29,10 @@ Prediction = Callable[[Array], Array]  # maps tau0 (k,) to e (k, velocities)
 MIN_LATTICES = 5
 # A law is refuted if chance makes it fit as badly less often than this.
 SIGNIFICANCE = 0.01
-MIN_B = 1e-6  # eq. (2) has no value at b = 0
 MAX_TAU0 = 2.0  # largest tau0 at e_star = 1 [R/c]
 START = 0.1  # where the search for it begins
+MAX_STEPS = 60  # of a search
+SHIFT = 1e-5  # relative change of a parameter that gives a slope
 # relative tolerance of the integration of eq. (4); the error of e is 2e-10
 IMPACT_TOLERANCE = 1e-9
 
@@ -75,13 +76,10 @@ def fit_b(pressure: Array, xi: Array, young: float, poisson: float) -> Fit:
     scale = _scale(xi)
 
     def law(b: float) -> Array:
-        return paper_compression(pressure, young, poisson, max(b, MIN_B))
+        return paper_compression(pressure, young, poisson, b)
 
     def solve(mean: Array, scale: Array = scale) -> list[float]:
-        (b,) = least_squares(law, mean, scale, [1.0])
-        if b <= MIN_B:
-            return [0.0]
-        return [b]
+        return [least_squares(law, mean, scale, 1.0)]
 
     fit = _fit(("b",), solve, law, xi)
     of_lattices = [solve(one)[0] for one in xi]
@@ -118,11 +116,10 @@ def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
     predict = quasistatic_curves(tuple(velocity.tolist()), e_star)
 
     def law(tau0: float) -> Array:
-        return predict(np.array([abs(tau0)]))[0]
+        return predict(np.array([tau0]))[0]
 
     def solve(mean: Array, scale: Array) -> list[float]:
-        (tau0,) = least_squares(law, mean, scale, [START * e_star**-0.5])
-        return [abs(tau0)]
+        return [least_squares(law, mean, scale, START * e_star**-0.5)]
 
     return _fit(("tau0",), solve, law, e)
 
@@ -201,18 +198,24 @@ def fit_curvature(x: Array, y: Array) -> Fit:
 
 
 def least_squares(
-    law: Callable[..., Array], data: Array, scale: Array, start: list[float]
-) -> list[float]:
-    """Return the parameters of a law for which its differences from `data`, divided by
-    `scale`, are smallest; the search begins at `start`."""
-    from scipy import optimize
-
-    def residuals(parameters: Array) -> Array:
-        return (law(*parameters) - data) / scale
-
-    tolerances = {"xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12}
-    found = optimize.least_squares(residuals, start, x_scale="jac", **tolerances)
-    return found.x.tolist()
+    law: Callable[[float], Array], data: Array, scale: Array, start: float
+) -> float:
+    """Return the positive parameter of a law for which its differences from `data`,
+    divided by `scale`, are smallest; the search (Gauss and Newton's, of the parameter's
+    logarithm) begins at `start`."""
+    parameter = start
+    for _ in range(MAX_STEPS):
+        above = law(parameter * (1.0 + SHIFT))
+        below = law(parameter * (1.0 - SHIFT))
+        slope = (above - below) / (2.0 * SHIFT * scale)
+        if not slope.any():
+            break
+        difference = (data - law(parameter)) / scale
+        change = float(slope @ difference / (slope @ slope))
+        parameter *= np.exp(np.clip(change, -1.0, 1.0))
+        if abs(change) < SHIFT**2:
+            break
+    return parameter
 
 
 def _scale(y: Array, least: int = MIN_LATTICES) -> Array:

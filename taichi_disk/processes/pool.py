@@ -37,6 +37,7 @@ class Pool(ThreadPoolExecutor):
 
     def __init__(self, count: int) -> None:
         super().__init__(count)
+        self.count = count
         environment.prepare()  # workers share the cache of this process
         self._processes = []
         if can_start_python():

@@ -172,5 +172,6 @@ def _import_matplotlib() -> None:
 
 
 def _import_finisher() -> None:
+    import av  # noqa: F401
 
     import taichi_disk.render.finisher  # noqa: F401

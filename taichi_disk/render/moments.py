@@ -47,12 +47,13 @@ _PACE_TIMES = 1000
 _SLOW = 1.1
 _MUCH_SLOWER = 1.5
 # A ringing is shown so strong that it stores this fraction, as an amplitude, of the
-# greatest compression, but not much stronger than it is.
+# greatest compression, but at most _MAX_RINGING times as strong as it is. It is not
+# shown stronger if it would have to be more than _FAINT times, or if dashpots take more
+# than the fraction _DAMPED of its energy from the end of the contact to the run's end.
 _RINGING = 0.5
 _MAX_RINGING = 6
-_DAMPED = (
-    10  # dashpots have taken a ringing that would have to be so many times stronger
-)
+_FAINT = 10
+_DAMPED = 0.25
 EASE = 0.7  # until a ringing is as strong [s]
 _NEAR_PEAK = 0.01  # relative distance of times that count as the same moment
 
@@ -70,7 +71,8 @@ class Cue:
 class Caption(Cue):
     """A picture of one run, with all of its changing words. `lines` begin with the time
     and the number that stands for the main curve. `ringing`: factor by which it is
-    shown stronger, of which the `remarks` speak."""
+    shown stronger, which grows to that of the `remarks`, a long one in two lines and a
+    short one."""
 
     lines: tuple[str, ...] = ()
     result: str = ""
@@ -246,11 +248,15 @@ def ringing(run: Run) -> float:
     scenario = run.scenario
     if not scenario.is_thrown or len(scenario.lattice.wall_surface):
         return 1.0
+    columns = run.series
     _, end = contact_of(run)
-    elastic = run.series["elastic"]
-    left = elastic[run.series["t"] >= end].mean()
-    factor = round(_RINGING * math.sqrt(elastic.max() / max(left, 1e-300)))
-    if factor > _DAMPED:
+    elastic = columns["elastic"]
+    dissipated = columns["dissipated"]
+    left = max(columns["vibration"][-1] + elastic[-1], 1e-300)
+    lost = dissipated[-1] - np.interp(end, columns["t"], dissipated)
+    # half of the energy of a vibration is elastic
+    factor = round(_RINGING * math.sqrt(2.0 * elastic.max() / left))
+    if factor > _FAINT or lost > _DAMPED * left:
         return 1.0
     return float(max(min(factor, _MAX_RINGING), 1))
 
@@ -290,7 +296,8 @@ def captions(
             note = ""  # the cue belongs to another run
         remarks: tuple[str, ...] = ()
         if after and stronger > 1.0:
-            remarks = "the ringing,", f"shown {stronger:g} times stronger"
+            long = f"shown {stronger:g} times stronger"
+            remarks = "the ringing,", long, f"ringing × {stronger:g}"
         part = min(after / ease, 1.0)
         factor = stronger ** (part * part * (3.0 - 2.0 * part))
         words = lines, shown_result, factor, remarks

@@ -72,7 +72,6 @@ class Painter:
             `geometry.edge_height`.
         spoke: point to which a line is drawn from the disk's centre; -1: none.
         magnify: factor by which displacements are magnified, see `placed`.
-        ringing: factor by which colours and displacements are shown stronger.
     """
 
     lattice: Lattice
@@ -87,7 +86,6 @@ class Painter:
     edge: float = 0.0
     spoke: int = -1
     magnify: float = 1.0
-    ringing: float = 1.0
 
     def __post_init__(self) -> None:
         self.triangles = Triangles(self.lattice)
@@ -95,9 +93,11 @@ class Painter:
 
     # ---- values
 
-    def values(self, x: Array, v: Array) -> Array:
-        """Return the coloured quantity (n,) at the points."""
-        return at_points(self.colour, self.triangles, self.springs, x, v)
+    def values(self, x: Array, v: Array, ringing: float = 1.0) -> Array:
+        """Return the coloured quantity (n,) at the points, or about that of a vibration
+        that is `ringing` times as strong."""
+        values = at_points(self.colour, self.triangles, self.springs, x, v)
+        return ringing ** QUANTITIES[self.colour].power * values
 
     @property
     def has_elastic_wall(self) -> bool:
@@ -119,8 +119,7 @@ class Painter:
     def normalised(self, values: Array) -> Array:
         """Return `values` as positions 0 to 1 in the colour map; for fringes, the
         fringe order."""
-        stronger = self.ringing ** QUANTITIES[self.colour].power
-        parts = stronger * values / self.limit
+        parts = values / self.limit
         if self.signed:
             parts = 0.5 + 0.5 * parts
         return np.asarray(parts)
@@ -148,9 +147,9 @@ class Painter:
 
     # ---- drawing
 
-    def placed(self, x: Array) -> Array:
+    def placed(self, x: Array, ringing: float = 1.0) -> Array:
         """Return where points at `x` (n, 2) are drawn [R]: see `geometry.placed`."""
-        return geometry.placed(self.lattice, x, self.magnify, self.edge, self.ringing)
+        return geometry.placed(self.lattice, x, self.magnify, self.edge, ringing)
 
     def paint(
         self,
@@ -161,6 +160,7 @@ class Painter:
         placed: Array,
         unit: float = 1.0,
         is_soft: bool = False,
+        ringing: float = 1.0,
     ) -> None:
         """Draw the state on a `ti.ui.Canvas`.
 
@@ -169,10 +169,11 @@ class Painter:
             unit: factor for the widths of lines, 1 in a picture of 720 pixels.
             is_soft: whether the window has this package's shaders, see
                 `offscreen.Window`.
+            ringing: factor by which colours are shown stronger.
         """
         theme = THEMES[self.theme]
         pixel = 1.0 / camera.scale
-        values = self.normalised(self.values(x, v))
+        values = self.normalised(self.values(x, v, ringing))
         colours = self.colours(values)
         half = max(_OUTLINE * unit, 1.0) * pixel  # of an outline
         above = [geometry.NOTHING]
@@ -187,7 +188,9 @@ class Painter:
             # Thin lines suffice if there are few springs, but a line thinner than about
             # a pixel vanishes.
             width = max(min(0.15 * self._spacing * camera.scale, 2.5 * unit), 1.1)
-            each = np.repeat(self.colours(self._of_springs(x, v, values)), 2, axis=0)
+            each = np.repeat(
+                self.colours(self._of_springs(x, v, values, ringing)), 2, axis=0
+            )
             self._lines(canvas, camera, placed[self.lattice.bonds], each, width)
         if self.wall is not None:
             above.append(solid)
@@ -325,11 +328,11 @@ class Painter:
         _, group = np.unique(cells, return_inverse=True)
         return _means(feet, group), _means(forces, group)
 
-    def _of_springs(self, x: Array, v: Array, values: Array) -> Array:
+    def _of_springs(self, x: Array, v: Array, values: Array, ringing: float) -> Array:
         if QUANTITIES[self.colour].on != "springs":
             return np.asarray(values[self.lattice.bonds].mean(axis=1))
         own = own_values(self.colour, self.triangles, self.springs, x, v)
-        return self.normalised(own)
+        return self.normalised(ringing * own)
 
     def _lines(
         self,

@@ -192,9 +192,9 @@ class Pictures:
         unit = self._letters.unit * self._supersample
         disks = zip(self._painters, states, captions, strict=True)
         for painter, (_, x, v), caption in disks:
-            painter.ringing = caption.ringing
-            placed = painter.placed(x)
-            painter.paint(canvas, self._camera, x, v, placed, unit, is_soft)
+            ringing = caption.ringing
+            placed = painter.placed(x, ringing)
+            painter.paint(canvas, self._camera, x, v, placed, unit, is_soft, ringing)
             image = self._window.get_image_buffer_as_numpy()
             place = next(self._places)
             # GGUI made k/255 of each byte k, so 255.5 times this lies from k to k + 1.

@@ -35,6 +35,7 @@ from taichi_disk.render.painter import ARROW, FORCE_ARROW, Painter
 from taichi_disk.render.palette import THEMES, ink
 
 _MOST_BESIDE = 0.5  # largest width of changing words over the picture's
+_MOST_BELOW = 0.36  # that of words below a disk in flight
 # width of the bar of colours over the picture's, and the least one
 _BAR_WIDTH = 0.34
 _MIN_BAR_WIDTH = 0.08
@@ -66,13 +67,16 @@ def remark_lines(letters: Letters, caption: Caption, width: int) -> list[Line]:
     `width` [px]."""
     if not letters.has_words:
         return []
-    size = letters.small.size
-    lowest = letters.height - letters.footer - 0.85 * size
+    face = letters.small
+    texts = caption.remarks[:2]
+    if max(map(face.width, texts), default=0.0) > _MOST_BELOW * width:
+        texts = caption.remarks[2:]
+    lowest = letters.height - letters.footer - 0.85 * face.size
     right = width - letters.margin
-    rows = lowest - LEADING * size, lowest
+    rows = lowest - LEADING * face.size, lowest
     return [
-        Line(text, letters.small, right, row, part=1.0)
-        for text, row in zip(caption.remarks, rows, strict=False)
+        Line(text, face, right, row, part=1.0)
+        for text, row in zip(texts, rows[-len(texts) :], strict=False)
     ]
 
 

@@ -377,6 +377,8 @@ class ImpactScenario(Scenario):
         if self.scene.is_oblique:
             inertia = self.shape.inertia
             found |= oblique.along_the_wall(columns, self.outline, inertia)
+            if not (self.model.has_friction or self.model.elastic):
+                del found["tangential_impulse"]  # 0, but for rounding errors
         return found
 
     def result_scales(self, columns: Columns) -> dict[str, float]:

@@ -134,7 +134,7 @@ class Program:
             simulation.contents = self._begin(simulation)
         else:
             self._write_state(simulation.contents, saved)
-            owner.call(self.state.begin_again, simulation.contents)
+            owner.call(self.state.write, *simulation.contents)
             if simulation.mouse_target:
                 owner.call(self.kernels.set_mouse_target, *simulation.mouse_target)
                 # the saved state contains the pull

@@ -158,8 +158,8 @@ class PointFields:
         self, numbers: Sequence[tuple[Any, float]], contents: Contents
     ) -> Written:
         """Write `numbers` into 0-D fields and `contents` into other fields, which must
-        be the same in all calls. Return what `begin_again` writes without the work of
-        making it."""
+        be the same in all calls. Return the arguments of `write`, which writes them
+        again."""
         # One kernel writes all of them, because loading a compiled kernel takes 30 ms.
         self.scalars = [field for field, _ in numbers]
         self.fields = [fields for fields, _ in contents]
@@ -169,14 +169,11 @@ class PointFields:
             check_room(fields, len(values))
         rows = np.array([len(values) for values in arrays], np.int32)
         values = np.concatenate([values.ravel() for values in arrays])
-        self._begin(scalars, rows, values)
+        self.write(scalars, rows, values)
         return scalars, rows, values
 
-    def begin_again(self, written: Written) -> None:
-        self._begin(*written)
-
     @ti.kernel
-    def _begin(self, numbers: Reals1, rows: Integers1, values: Reals1):
+    def write(self, numbers: Reals1, rows: Integers1, values: Reals1):
         for k in ti.static(range(len(self.scalars))):
             self.scalars[k][None] = ti.cast(numbers[k], self.scalars[k].dtype)
         ti.loop_config(serialize=True)
@@ -209,7 +206,7 @@ class PointFields:
         ti.loop_config(serialize=True)
         for _ in range(1):
             i = 0
-            while i < vectors.shape[1]:  # see `_begin`
+            while i < vectors.shape[1]:  # see `write`
                 for k in ti.static(range(len(self.vectors))):
                     for c in ti.static(range(2)):
                         if ti.static(into):

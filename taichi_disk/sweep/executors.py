@@ -9,6 +9,7 @@ from collections.abc import Generator, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
+from importlib import import_module
 from itertools import groupby, islice
 from queue import Empty, SimpleQueue
 from typing import Any
@@ -43,6 +44,9 @@ Finished = Future[list[PointResult]]
 # figure 3 then has 96 tasks of 0.25 s; setting up the lattice takes a tenth of that
 SCENES_PER_TASK = 6
 LARGE_LATTICE = 2000  # a scene with more points is a task by itself
+# of the figure and its fits, 0.5 s in all
+SLOW_IMPORTS = ("taichi_disk.figures.drawing", "scipy.integrate", "scipy.interpolate")
+TASKS_LEFT = 2  # for each other process, when this one imports them
 CONNECT_TIMEOUT = 8.0  # how long a Dask scheduler may take to answer [s]
 
 
@@ -166,6 +170,8 @@ def computed(scenes: Scenes, estimate: bool, executor: Executor | None) -> Resul
 
     Raises InputError if workers have other versions, SimulationError if workers fail.
     """
+    if not scenes:
+        return
     if executor is None:
         runtime.start()
         yield from _here(scenes, list(scenes), estimate)
@@ -212,6 +218,9 @@ def _carried_out(executor: Executor, scenes: Scenes, estimate: bool) -> Results:
             for_this_process = list(futures)
         for _ in range(len(futures)):
             if for_this_process and finished.empty():
+                if _nearly_begun(for_this_process, executor):
+                    for name in SLOW_IMPORTS:  # the others compute meanwhile
+                        import_module(name)
                 last = for_this_process.pop()
                 if last.cancel():  # no process has begun it
                     yield from _here(scenes, futures.pop(last), estimate)
@@ -221,6 +230,12 @@ def _carried_out(executor: Executor, scenes: Scenes, estimate: bool) -> Results:
     finally:
         for future in futures:
             future.cancel()
+
+
+def _nearly_begun(futures: list[Finished], pool: Pool) -> bool:
+    """Return whether the processes of the pool have begun all but the last tasks."""
+    last = futures[-TASKS_LEFT * pool.count :]
+    return last[0].running() or last[0].done()
 
 
 def _next(finished: SimpleQueue[Finished]) -> Finished:

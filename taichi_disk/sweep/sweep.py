@@ -8,6 +8,7 @@ import json
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import asdict, dataclass
+from math import isfinite
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,14 @@ from typing import TYPE_CHECKING, Any
 from filelock import FileLock, Timeout
 
 from taichi_disk.config.tree import as_path
-from taichi_disk.errors import NOTICES, InputError, by_kind, whole_number
+from taichi_disk.errors import (
+    NOTICES,
+    InputError,
+    by_kind,
+    check_flags,
+    did_you_mean,
+    whole_number,
+)
 from taichi_disk.lattice import file_digest
 from taichi_disk.output.files import (
     prepare_output,
@@ -449,21 +457,38 @@ def _stored(
     for key in scenes:
         path = out / "points" / f"{key}.json"
         if path.is_file():
-            result = _read_point(path)
+            result = _read_point(path, scenes[key])
             if result.estimated or not estimate:
                 results[key] = result
     return results
 
 
-def _read_point(path: Path) -> PointResult:
+def _read_point(path: Path, scene: Scene) -> PointResult:
     try:
-        record = json.loads(path.read_bytes())
-        return PointResult(**record)
+        result = PointResult(**json.loads(path.read_bytes()))
+        _check_point(result, scene)
+        return result
     except Exception as error:  # a damaged file may hold anything
         raise InputError(
             f"{path}: not the result of a point ({reason(error)}): delete the file to"
             " compute it again"
         ) from None
+
+
+def _check_point(result: PointResult, scene: Scene) -> None:
+    """Raise an error unless `result` is what `_write_point` writes for `scene`."""
+    if result.status != "done":
+        raise InputError(f"status: must be done, not {result.status!r}")
+    known = {*scene.results, *scene.optional_results, *DIAGNOSTICS}
+    for name in {*scene.results, *result.numbers}:
+        value: Any = result.numbers.get(name)
+        if name not in known:
+            raise InputError(f"{name}: unknown{did_you_mean(name, known)}")
+        is_number = type(value) in (int, float) and isfinite(value)
+        is_free = name == "integrator" or (name == "error_estimate" and value is None)
+        if not (is_number or is_free):
+            raise InputError(f"{name}: must be a finite number, not {value!r:.60}")
+    check_flags(estimated=result.estimated)
 
 
 def _write_point(out: Path, key: str, scene: Scene, result: PointResult) -> None:

@@ -14,10 +14,11 @@ const LEAST_FORCE = 0.01; // on a point, over the full one, that has an arrow
 const FLATTENING = 0.05; // of the drawn disk, to which displacements are magnified [R]
 const MOST_MAGNIFIED = 20;
 // amplitude of the ringing over that of the greatest compression, for which it is drawn stronger: at most
-// so many times; dashpots have taken it if it must be more
+// so many times, and not if it is too faint, or if dashpots take more than such a part of its energy
 const RINGING = 0.5;
 const MOST_RINGING = 6;
-const DAMPED = 10;
+const FAINT = 10;
+const DAMPED = 0.25;
 const EASE = 0.7; // time in which it becomes so strong [s]
 const VISIBLE_ENERGY = 2e-3; // of the largest, for a curve
 const BESIDE = 0.32; // time of the curves after the contact, over its duration
@@ -106,10 +107,12 @@ export class Again {
     const most = roundNear(FLATTENING / Math.max(flattening, FLATTENING / MOST_MAGNIFIED));
     this.magnify = disk.magnify === "auto" ? Math.max(most, 1) : disk.magnify;
     this.folded = colours.folded(flattest.x);
-    const later = states.filter(({ t }) => t >= moments[2]);
-    const left = later.reduce((sum, { elastic }) => sum + elastic, 0) / later.length;
-    const factor = Math.round(RINGING * Math.sqrt(flattest.elastic / left));
-    this.ringing = factor > DAMPED ? 1 : Math.max(Math.min(factor, MOST_RINGING), 1);
+    const { vibration, elastic, dissipated } = flight.rows[flight.end];
+    const lost = dissipated - flight.rows.find(({ t }) => t >= moments[2]).dissipated;
+    const left = vibration + elastic; // half of it is elastic
+    const factor = Math.round(RINGING * Math.sqrt((2 * flattest.elastic) / left));
+    const isShown = factor <= FAINT && lost <= DAMPED * left;
+    this.ringing = isShown ? Math.max(Math.min(factor, MOST_RINGING), 1) : 1;
   }
 
   // Return a curve with its values, or nothing for an energy that cannot be seen.

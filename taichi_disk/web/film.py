@@ -179,7 +179,14 @@ def _words(caption: Caption) -> list[str]:
     if caption.result:
         motion = [f"*{caption.result}"]
     pace = "    ".join(caption.pace)
-    return [time, *motion, *others[1:], caption.note, pace, " ".join(caption.remarks)]
+    return [
+        time,
+        *motion,
+        *others[1:],
+        caption.note,
+        pace,
+        " ".join(caption.remarks[:2]),
+    ]
 
 
 def _marks(run: Run, times: Sequence[float]) -> list[list[Any]]:

@@ -10,7 +10,7 @@ const FORCE = 0.9; // approximate largest force of a throw, over its speed [M c/
 const FLAT = 0.004; // part of the scale below which a curve is not seen
 export const LETTERS = 12; // usual size of the letters [px]
 const NAMES = 8.7; // width for the names of the curves, over the size of the letters
-const NAMES_PART = 0.55; // at most this part of a plot's width
+const NAMES_PART = 0.5; // at most this part of a plot's width
 const LINE_HEIGHT = 1.2; // of a name, over the size of the letters
 const TICKS = 3.5; // least distance of two numbers of the axis of time, over the size of the letters
 
@@ -191,7 +191,7 @@ export class Graphs {
       ctx.strokeText(text, x, places[k]);
       ctx.fillText(text, x, places[k]);
     });
-    const step = roundBelow((2.5 * TICKS * this.letters * last) / across);
+    const step = roundBelow(Math.min((2.5 * TICKS * this.letters) / across, 1) * last);
     const ticks = Array.from({ length: Math.floor(last / step) + 1 }, (_, k) => k * step);
     const times = ticks.map((time) => [toX(time) / width, label(time)]);
     times.at(-1)[1] += " R/c";

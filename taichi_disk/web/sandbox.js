@@ -218,9 +218,10 @@ export class Sandbox {
     node.toggleAttribute("data-projector", isOn);
     this.ui.projector.ariaPressed = isOn;
     drawing.camera.home = true; // it fits again as soon as its size has changed
-    if (isOn)
+    if (isOn) {
+      this.showTab("graphs");
       node.requestFullscreen?.().catch(() => {}); // a frame may forbid it
-    else if (document.fullscreenElement) document.exitFullscreen();
+    } else if (document.fullscreenElement) document.exitFullscreen();
     this.wake();
     this.redraw();
   }

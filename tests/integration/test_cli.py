@@ -1,7 +1,5 @@
 """The command line: arguments, exit status, messages, imports."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os
@@ -182,6 +180,7 @@ def test_check_prints_a_scene_that_checks_as_the_same(tmp_path, capsys):
     first = capsys.readouterr().out
     (tmp_path / "again.yaml").write_text(first)
     assert "boundary: pinned" in first
+    assert first.endswith("\n# no fault found: this scene can be run\n")
     assert main(["check", str(tmp_path / "again.yaml")]) == 0
     assert capsys.readouterr().out == first
 

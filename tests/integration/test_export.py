@@ -173,26 +173,6 @@ def test_xyz_read_by_ovito(tmp_path):
     close(data.attributes["elastic_energy"], true["energy"].sum())
 
 
-@pytest.mark.validate
-def test_xyz_read_by_ase(tmp_path):
-    from ase.io import read
-
-    frames = read(exported(tmp_path, "xyz"), index=":")
-    assert [atoms.info["Time"] for atoms in frames] == TIMES.tolist()
-    x, v = state(1.0)
-    atoms = frames[-1]
-    assert atoms.get_chemical_symbols() == ["X"] * 40 + ["Si"] * (len(x) - 40)
-    assert not atoms.pbc.any()
-    assert (np.abs(x) <= 0.5 * atoms.cell[0, 0]).all()
-    np.testing.assert_allclose(atoms.positions[:, :2], x, rtol=1e-10)
-    np.testing.assert_allclose(atoms.get_velocities()[:, :2], v, rtol=1e-9, atol=1e-15)
-    np.testing.assert_allclose(atoms.get_masses(), LATTICE.masses, rtol=1e-10)
-    stress = atoms.arrays["Stress"]
-    np.testing.assert_allclose(stress, tensor(x), rtol=1e-10, atol=1e-12)
-    assert atoms.calc is None  # ASE takes no column for the result of a calculator
-    close(atoms.info["elastic_energy"], truth(1.0)["energy"].sum())
-
-
 def test_xyz_is_lines_that_can_be_read_without_a_library(tmp_path):
     lines = exported(tmp_path, "xyz").read_text().splitlines()
     n = len(LATTICE.positions)

@@ -1,8 +1,6 @@
 """Films: the right content, complete or not at all, the same bytes each time, and with
 explanations."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re
@@ -292,7 +290,7 @@ def test_the_film_holds_at_the_greatest_compression_and_ends_with_the_result(
     assert pace.max() > 4.0 * pace.min()
 
 
-@pytest.mark.parametrize("eta_star", [0, 5])
+@pytest.mark.parametrize("eta_star", [0, 0.1])
 @pytest.mark.parametrize("speed", [0.05, 0.1])
 def test_the_ringing_is_shown_about_half_as_strong_as_the_greatest_compression(
     speed, eta_star
@@ -329,7 +327,7 @@ def test_a_ringing_grows_after_the_contact_and_the_picture_says_so(run):
 def test_no_ringing_is_shown_where_there_is_none():
     for kind, *settings in (
         ("compression", *PRESSED),
-        ("exponential_wall", "lattice.points=60", "material.eta_star=300"),
+        ("exponential_wall", "lattice.points=60", "material.eta_star=10"),
         ("absorbing_wall", "lattice.points=60", "wall.points=60", "wall.width=3"),
     ):
         assert ringing(computed(kind, *settings)) == 1.0

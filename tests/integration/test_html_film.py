@@ -1,8 +1,6 @@
 """The HTML film: a small file that needs no network, and in a real browser plays and
 shows the computed data."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -184,8 +182,6 @@ one.type === "checkbox" ? (one.checked = value) : (one.value = value);
 for (const kind of ["input", "change"])
   one.dispatchEvent(new Event(kind, { bubbles: true }));
 """
-CANVAS = "document.querySelector('canvas')"
-CURVES = "document.getElementById('curves')"
 MOVE = """
 const moment = document.getElementById("moment");
 moment.value = arguments[0];
@@ -308,52 +304,6 @@ def test_on_paper_no_circle_is_an_ellipse_and_forced_colours_leave_the_picture(
     style = "getComputedStyle(document.getElementById('graphs'))"
     ground = browser.script(f"return {style}.backgroundColor")
     assert ground == "rgb(250, 250, 248)"
-
-
-@pytest.mark.validate
-def test_from_a_file_it_plays_scrubs_zooms_magnifies_and_shows_every_quantity(
-    browser, folder
-):
-    opened(browser, folder / "film.html")
-    place = "return Number(document.getElementById('moment').value)"
-    browser.click("play")
-    before = browser.script(place)
-    time.sleep(0.7)
-    assert browser.script(place) != before  # it plays
-    browser.script(MOVE, 30)
-    there = browser.script(place)
-    time.sleep(0.3)
-    assert browser.script(place) == there
-    pictures = set()
-    for name in QUANTITIES:
-        browser.script(CHOOSE, "quantity", name)
-        pictures.add(browser.picture(CANVAS).tobytes())
-    assert len(pictures) == len(QUANTITIES)
-    browser.script(CHOOSE, "quantity", "shear")
-    shear = browser.picture(CANVAS)
-    disk = np.abs(shear[:-90] - shear[1, 1]).sum(axis=2) > 30
-    assert disk.mean() > 0.1
-    assert len(np.unique(shear.reshape(-1, 4), axis=0)) > 200
-    for name, value in (
-        ("magnify", 10),
-        ("draw", "springs"),
-        ("draw", "points"),
-        ("outline", True),
-        ("theme", "dark"),
-    ):
-        old = browser.picture(CANVAS)
-        browser.script(CHOOSE, name, value)
-        assert np.abs(browser.picture(CANVAS) - old).mean() > 0.2, name
-    speed = "document.querySelector('[data-key=speed] [type=text]')"
-    browser.script(f"{speed}.value = '-3'; {speed}.onchange()")
-    assert browser.script(f"return {speed}.value") == "0.1"
-    old = browser.picture(CANVAS)
-    browser.script(
-        "document.querySelector('canvas').dispatchEvent(new WheelEvent('wheel', "
-        "{deltaY: -600, clientX: 300, clientY: 300}))"
-    )
-    assert np.abs(browser.picture(CANVAS) - old).mean() > 1.0
-    assert browser.errors() == []
 
 
 # What is too small, or has no name. The marks on the time line are short cuts of the

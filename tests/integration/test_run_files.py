@@ -1,8 +1,6 @@
 """The files of a run: names, columns and units, and all data to repeat it with another
 program."""
 
-from __future__ import annotations
-
 import errno
 import os
 import re

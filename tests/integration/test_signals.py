@@ -1,8 +1,6 @@
 """Signals: whenever Ctrl-C or SIGTERM comes, the exit status is 130 and all files are
 complete."""
 
-from __future__ import annotations
-
 import os
 import random
 import signal

@@ -4,6 +4,8 @@ order and of the executor."""
 import csv
 import errno
 import io
+import json
+import re
 import shutil
 import socket
 import statistics
@@ -276,6 +278,39 @@ def test_points_of_other_versions_are_computed_anew(tmp_path, monkeypatch):
         monkeypatch.setattr(module, "relevant_versions", lambda older=older: older)
         assert [swept(*sweep).summary["computed_now"] for _ in range(2)] == [1, 0]
     assert len(points(tmp_path / "out")) == 5
+
+
+def test_a_stored_point_is_read_as_strictly_as_a_scene(tmp_path):
+    sweep = ONE + "sweep: {velocity: [0.05]}", tmp_path / "out"
+    swept(*sweep)
+    (file,) = points(tmp_path / "out")
+    text = file.read_text()
+    record = json.loads(text)
+    numbers = record["numbers"]
+    faults = {
+        "status: must be done, not 'failed'": {"status": "failed"},
+        "restitution: must be a finite number, not nan": {
+            "numbers": numbers | {"restitution": np.nan}
+        },
+        "steps: must be a finite number, not '12'": {
+            "numbers": numbers | {"steps": "12"}
+        },
+        "contact_time: must be a finite number, not None": {
+            "numbers": {"restitution": 0.9}
+        },
+        "restitutoin: unknown; did you mean restitution?": {
+            "numbers": numbers | {"restitutoin": 0.9}
+        },
+        "estimated: must be True or False": {"estimated": "no"},
+        "unexpected keyword argument 'numbrs'": {"numbrs": {}},
+    }
+    for message, change in faults.items():
+        file.write_text(json.dumps(record | change))
+        with pytest.raises(InputError, match=re.escape(message)) as raised:
+            swept(*sweep)
+        assert str(file) in str(raised.value)
+    file.write_text(text)
+    assert swept(*sweep).summary["computed_now"] == 0
 
 
 def test_a_lattice_file_is_read_again_if_it_has_changed(tmp_path):

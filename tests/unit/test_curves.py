@@ -46,14 +46,16 @@ def test_a_planted_b_comes_back_and_each_lattice_has_its_own():
     assert high == pytest.approx(b.mean() + half_width, abs=0.05)
 
 
-def test_b_is_never_negative_and_is_0_only_if_the_disk_yields_hardly_at_all():
+def test_b_is_never_negative_however_little_the_disk_yields():
     law = paper_compression(P, 1.1, 0.29, 0.9)
     soft = theory.fit_b(P, np.stack([0.5 * law, 0.7 * law]), 1.1, 0.29)
     assert 0.3 < soft.values["b_min"] < soft.values["b"] < soft.values["b_max"] < 0.7
-    with np.errstate(all="ignore"):  # (2) has no value at b = 0
-        hard = theory.fit_b(P, np.stack([0.1 * law, 0.12 * law]), 1.1, 0.29)
-    assert set(hard.values.values()) == {0.0}
-    assert hard.intervals["b"] == pytest.approx((0.0, 0.0), abs=1e-12)
+    places = np.geomspace(1e-3, 1.0, 30_000)[:, None]
+    for part in (0.1, 0.01):
+        hard = theory.fit_b(P, part * law[None], 1.1, 0.29).values["b"]
+        misses = paper_compression(P, 1.1, 0.29, places) - part * law
+        assert hard == pytest.approx(places[(misses**2).sum(axis=1).argmin()], rel=1e-3)
+    assert theory.fit_b(P, -law[None], 1.1, 0.29).values["b"] < 1e-6
 
 
 def test_the_residuals_are_data_minus_fit():
@@ -268,8 +270,13 @@ def test_folded_points_are_left_out_and_lattices_are_complete_elsewhere():
     np.testing.assert_array_equal(curve.x, V[:-1])
     np.testing.assert_array_equal(curve.y, whole.y[[0, 1, 3, 4], :-1])
     ((label, _laws),) = curve_rows([curve.summary()])
-    assert label == "eta_star: 30, lattices: 4, 6 folded points left out"
-    # they are drawn, as they are, over any other axis
+    assert label == "eta_star: 30, lattices: 4, 6 folded points in no fit"
+    # a curve that folds everywhere is drawn, and fitted by no law
+    crushed = [row | {"warnings": text} for row in rows]
+    (curve,) = analyse(load_scene("exponential_wall"), THROW_AXES, crushed).curves
+    assert curve.y.shape == (5, 12)
+    assert not curve.fits
+    # over any other axis all points count
     diagram = analyse(load_scene("exponential_wall"), THROW_AXES, rows, x="eta_star")
     assert sum(np.isfinite(one.y).sum() for one in diagram.curves) == 60
 

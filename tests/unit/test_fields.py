@@ -252,10 +252,9 @@ def test_a_vibration_shown_3_times_stronger_has_the_colours_of_one_3_times_as_la
     painter = Painter(DISK, SPRINGS, colour=colour)
 
     def colours(ringing, factor):
-        painter.ringing = ringing
         x = rest + factor * 1e-3 * np.sin(3.0 * rest[:, ::-1])
         v = factor * 1e-3 * np.cos(4.0 * rest)
-        return painter.normalised(painter.values(x, v))
+        return painter.values(x, v, ringing)
 
     expected = colours(1.0, 3.0)
     change = expected - colours(1.0, 0.0)

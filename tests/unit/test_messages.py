@@ -100,9 +100,8 @@ def flat(value, place):
         ]
         yield f"{place}: {'; '.join(records)}"
         return
-    nested = {name: one for name, one in parts.items() if isinstance(one, (dict, list))}
-    if not nested:
-        words = [f"{name} {text_of(one)}" for name, one in parts.items()]
+    if not any(isinstance(one, (dict, list)) for one in map(plain, parts.values())):
+        words = [f"{name} {text_of(plain(one))}" for name, one in parts.items()]
         yield f"{place}: {', '.join(words)}"
         return
     for name, each in parts.items():
@@ -117,6 +116,13 @@ def text_of(value):
     if isinstance(value, str) and len(value) > 80 and " " not in value:
         return f"{len(value)} letters"
     return repr(value)
+
+
+def plain(part):
+    """Return a list of words as one text, and anything else as it is."""
+    if isinstance(part, list) and part and all(isinstance(one, str) for one in part):
+        return ", ".join(part)
+    return part
 
 
 def is_text(record):

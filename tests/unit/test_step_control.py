@@ -324,21 +324,23 @@ def test_a_tolerance_is_not_met_by_results_that_agree_by_chance(kernels):
 
 
 @pytest.mark.parametrize(
-    ("shift", "offsets", "runs"),
+    ("shift", "offsets", "runs", "sliding"),
     [
         # order 4: differences fall by 16
-        (0.0, [1e-4, 1e-4 / 16, 1e-4 / 256], 3),
+        (0.0, [1e-4, 1e-4 / 16, 1e-4 / 256], 3, 0.0),
+        # if points slide along a wall of springs, they do so by chance
+        (0.0, [0.0, 1e-4 / 16 - 1e-4, 1e-4 / 256 - 1e-4, -1e-4], 4, 1e-9),
         # the first three agree by chance, then the order shows; a turned start gives
         # another result altogether
-        (0.1, [0.0, 0.0, 1.6e-3, 1e-4, 6.25e-6], 5),
+        (0.1, [0.0, 0.0, 1.6e-3, 1e-4, 6.25e-6], 5, 0.0),
         # the error falls, but not as fast, in an ordinary impact
-        (0.0, [0.0, -5e-6, -9e-6], 3),
+        (0.0, [0.0, -5e-6, -9e-6], 3, 0.0),
         # all agree well within the tolerance
-        (0.0, [0.0, 1e-9, -1e-9], 3),
+        (0.0, [0.0, 1e-9, -1e-9], 3, 0.0),
     ],
 )
 def test_three_successive_results_decide_whether_a_tolerance_is_met(
-    shift, offsets, runs, kernels
+    shift, offsets, runs, sliding, kernels
 ):
     driver = drivers_of(kernels, *SMALL, "time.tolerance=3e-5")[-1]
     steps = []
@@ -348,6 +350,7 @@ def test_three_successive_results_decide_whether_a_tolerance_is_met(
         columns = driver.columns
         off = shift + offsets[len(steps)]
         columns["com_vy"][-1] += off * driver.scenario.speed_before
+        columns["sliding"][-1] = sliding
         steps.append(step.dt)
         same = {name: getattr(driver, name) for name in ("scenario", "kernels")}
         return SimpleNamespace(step=step, columns=columns, has_ended=True, **same)
