@@ -373,7 +373,8 @@ const found = disks.flatMap((disk) => THROWS.map(([v, eta]) => {
   const { moments, rows, end, dt, restitution } = thrown(disk, v, eta);
   const { elastic, vibration, translation, dissipated } = rows[end];
   const energies = [elastic, vibration + translation, dissipated];
-  return [restitution, Math.round(rows[end].t / dt), moments[2] - moments[0], ...energies];
+  const contact = moments[2] - moments[0];
+  return [restitution, Math.round(rows[end].t / dt), contact, ...energies];
 }));
 const { x, v } = films[0];
 const colours = films[0].scene.quantities.map(({ name }) =>
