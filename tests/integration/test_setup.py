@@ -66,7 +66,7 @@ def set_up(clone, what="test"):
     calls = clone / "calls"
     made = calls.read_text().split("\n")[:-1] if calls.exists() else []
     calls.unlink(missing_ok=True)
-    if "please install" in done.stderr:
+    if "please install" in done.stderr and what == "test":
         pytest.skip("this machine lacks system libraries of the tests")
     return done, made
 
@@ -96,11 +96,11 @@ def test_without_sudo_and_a_vulkan_driver_films_are_pages(clone):
 
 
 def test_a_copied_or_moved_folder_gets_an_environment_of_its_own(clone):
-    set_up(clone)
+    set_up(clone, "run")
     copy = clone.with_name("Kopie")
     shutil.copytree(clone, copy, symlinks=True)
-    assert set_up(copy)[1] == ["venv", "pip 0"]
-    assert set_up(copy)[1] == set_up(clone)[1] == []
+    assert set_up(copy, "run")[1] == ["venv", "pip 0"]
+    assert set_up(copy, "run")[1] == set_up(clone, "run")[1] == []
 
 
 @pytest.mark.parametrize(
@@ -111,7 +111,7 @@ def test_a_machine_without_wheels_is_named_before_anything_is_installed(
     clone, tool, line, name
 ):
     script(clone / "tools" / tool, line)
-    done, made = set_up(clone)
+    done, made = set_up(clone, "run")
     assert (done.returncode, made) == (1, [])
     assert done.stderr.startswith("setup: Taichi has no wheels for ")
     assert name in done.stderr
