@@ -53,7 +53,7 @@ _MUCH_SLOWER = 1.5
 _RINGING = 0.5
 _MAX_RINGING = 6
 _FAINT = 10
-_DAMPED = 0.25
+_DAMPED = 0.1
 EASE = 0.7  # until a ringing is as strong [s]
 _NEAR_PEAK = 0.01  # relative distance of times that count as the same moment
 

@@ -126,7 +126,7 @@ KEYS = {
     "dt dt_limit attempts error_source energy": "stepping",
     "restitution contact_time": "impact",
     "tangential_restitution spin_after normal_impulse": "oblique",
-    "tangential_impulse": "rough",
+    "tangential_impulse": "friction",
     "xi xi_nominal xi_extrapolated": "compression",
     "residual roll": "newton",
     "lattices": "several",
@@ -140,8 +140,9 @@ THROWN = "impact stepping"
 CASES = [
     (THROWN, {}, {}),
     (f"{THROWN} several", {}, {"lattices": 2}),
-    (f"{THROWN} oblique rough", {"impact.angle": 0.4, "wall.friction": 0.2}, {}),
+    (f"{THROWN} oblique", {"impact.angle": 0.4}, {}),
     (f"{THROWN} oblique", {"impact.spin": 0.01}, {}),
+    (f"{THROWN} oblique friction", {"impact.angle": 0.4, "wall.friction": 0.2}, {}),
     (f"{THROWN} oblique several", {"impact.angle": 0.4}, {"lattices": 2}),
     ("compression newton", {"compression.method": "newton"}, {}),
     pytest.param(

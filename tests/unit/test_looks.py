@@ -111,7 +111,7 @@ def invented(name, *settings):
     columns["vibration"] = 1e-4 * part * (1.0 + np.sin(t))
     parts = ("translation", "rotation", "vibration")
     columns["kinetic"] = sum(columns[name] for name in parts)
-    columns["dissipated"] = 3e-4 * part
+    columns["dissipated"] = 3e-4 * np.minimum(1.1 * part, 1.0)
     columns["total"] = 1.3e-3 + 1e-7 * t
     return Outcome(
         scenario=scenario,
