@@ -93,7 +93,6 @@ def bare(tmp_path):
 
 @pytest.mark.validate
 def test_all_modules_and_an_impact_with_film_do_without_what_only_posix_has(bare):
-    # CI sweeps on Windows itself
     place, environment = bare
     (place / "script.py").write_text(RUN, encoding="utf-8")
     printed_by("script.py", cwd=place, env=environment, encoding="cp1252")

@@ -478,8 +478,6 @@ NON_UNIFORM = Lattice.from_points(
 )
 THROWN = np.random.default_rng(0).normal(0.0, 1e-3, (60, 2)) + [0.002, -0.04]
 OWN = {
-    "turned": ("exponential_wall", {"impact.turn": 0.7}, {"lattice": ELLIPSE}),
-    "thrown": ("exponential_wall", {"lattice.points": 60}, {"velocities": THROWN}),
     "strained": (
         "exponential_wall",
         {"impact.spin": 0.01},

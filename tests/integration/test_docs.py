@@ -77,12 +77,6 @@ def test_python_blocks_run_from_top_to_bottom(name, tmp_path):
 
 
 @every_page
-def test_no_mark_of_a_merge_is_left(page):
-    marks = re.findall(r"^(?:<{7}|={7}|>{7}).*", page.read_text("utf-8"), re.MULTILINE)
-    assert not marks
-
-
-@every_page
 def test_commands_are_accepted(page, monkeypatch):
     from taichi_disk.cli import _parser
     from taichi_disk.scenes import check_feasible, load_any, shipped_scenes

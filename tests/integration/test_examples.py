@@ -145,9 +145,3 @@ def test_a_new_scene_finds_the_lowest_mode_of_a_disk():
     (period,) = numbers(r"period ([\d.]+)", output_of("new_scene"))
     speed = (1.09 * 3.14159 / (2 * 1.28)) ** 0.5
     assert period == pytest.approx(2 * 3.14159 / (2.35 * speed), rel=0.03)
-
-
-@pytest.mark.parametrize("name", ["new_force", "new_integrator", "new_scene"])
-def test_examples_for_extending_stay_short(name):
-    code = (EXAMPLES / f"{name}.py").read_text().splitlines()
-    assert sum(bool(line.strip()) for line in code) <= 60

@@ -382,9 +382,10 @@ const colours = films[0].scene.quantities.map(({ name }) =>
 window.computed = JSON.stringify({ found, colours });"""
 
 
-@pytest.mark.parametrize(
-    "kind", ["chromium", pytest.param("firefox", marks=pytest.mark.validate)]
-)
+FIREFOX = pytest.param("firefox", marks=pytest.mark.validate)
+
+
+@pytest.mark.parametrize("kind", ["chromium", FIREFOX])
 def test_a_page_steps_as_velocity_verlet_does_and_knows_every_colour(
     browsers, kind, tmp_path
 ):

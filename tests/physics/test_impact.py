@@ -38,7 +38,6 @@ def reference_impact(scenario, end):
     ("eta_star", "velocity"),
     [
         (10.0, 0.02),
-        pytest.param(0.0, 3e-3, marks=LONG),
         pytest.param(0.0, 0.05, marks=LONG),
         pytest.param(100.0, 0.02, marks=LONG),
     ],

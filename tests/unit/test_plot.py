@@ -75,13 +75,10 @@ def test_plots_by_threads_with_other_styles_and_by_another_process_have_the_same
         assert (tmp_path / "b.png").read_bytes() == first
 
 
-@pytest.mark.parametrize(
-    ("form", "name"),
-    [
-        ("pdf", b"/Type3"),
-        pytest.param("ps", b"/FontType 3", marks=pytest.mark.validate),
-    ],
-)
+PS = pytest.param("ps", b"/FontType 3", marks=pytest.mark.validate)
+
+
+@pytest.mark.parametrize(("form", "name"), [("pdf", b"/Type3"), PS])
 def test_the_fonts_of_a_file_are_those_that_publishers_take(form, name):
     figure = Plot()
     figure.text(0.5, 0.5, "η* = 5")
