@@ -111,6 +111,10 @@ def terminal(stream: TextIO | None) -> Iterator[Silence]:
 
 class _Bars(Silence):
     def __init__(self, stream: TextIO | None) -> None:
+        self._stream = stream
+        self._begin()
+
+    def _begin(self) -> None:
         from rich.console import Console
         from rich.progress import (
             BarColumn,
@@ -120,7 +124,7 @@ class _Bars(Silence):
             TimeRemainingColumn,
         )
 
-        console = Console(file=stream)
+        console = Console(file=self._stream)
         columns = (
             BarColumn(),
             TaskProgressColumn(),
@@ -145,8 +149,8 @@ class _Bars(Silence):
     def rest(self) -> None:
         with suppress(OSError):
             self.progress.stop()
-        for task in self.progress.task_ids:
-            self.progress.remove_task(task)
+        # the old bars would remove the lines above them, which are others now
+        self._begin()
 
     def _show(self, stage: str, done: float, total: float | None) -> None:
         bars = self.progress

@@ -143,7 +143,7 @@ class Program:
 
     def _save(self) -> None:
         if self.occupant:
-            self.occupant.saved = self.snapshot()
+            self.occupant.save()
         self.occupant = None
 
     def snapshot(self) -> Snapshot:
@@ -334,6 +334,10 @@ class Simulation:
         return self.step_number * self.dt
 
     # ---- states
+
+    def save(self) -> None:
+        """Keep the state, because another simulation gets the fields."""
+        self.saved = self.program.snapshot()
 
     def snapshot(self) -> Snapshot:
         """Return a copy of the state, from which `restore` continues bitwise."""

@@ -213,12 +213,14 @@ def _carried_out(executor: Executor, scenes: Scenes, estimate: bool) -> Results:
             futures[future] = keys
             future.add_done_callback(finished.put)
         for_this_process = []
+        tasks_left = 0
         if isinstance(executor, Pool) and _computes_here(scenes):
             start_worker()
             for_this_process = list(futures)
+            tasks_left = TASKS_LEFT * executor.count
         for _ in range(len(futures)):
             if for_this_process and finished.empty():
-                if _nearly_begun(for_this_process, executor):
+                if _is_begun(for_this_process[-tasks_left:][0]):
                     for name in SLOW_IMPORTS:  # the others compute meanwhile
                         import_module(name)
                 last = for_this_process.pop()
@@ -232,10 +234,8 @@ def _carried_out(executor: Executor, scenes: Scenes, estimate: bool) -> Results:
             future.cancel()
 
 
-def _nearly_begun(futures: list[Finished], pool: Pool) -> bool:
-    """Return whether the processes of the pool have begun all but the last tasks."""
-    last = futures[-TASKS_LEFT * pool.count :]
-    return last[0].running() or last[0].done()
+def _is_begun(future: Finished) -> bool:
+    return future.running() or future.done()
 
 
 def _next(finished: SimpleQueue[Finished]) -> Finished:

@@ -107,8 +107,7 @@ export class Throws {
       this.take(one);
       const { flight, folded, duration } = one;
       const steps = Math.round(flight.rows[flight.end].t / flight.dt).toLocaleString("en");
-      const e = `e = ${flight.restitution.toFixed(10)}, as run with velocity_verlet`;
-      told.textContent = `${steps} steps in ${Math.round(duration)} ms: ${e}`;
+      told.textContent = `${steps} steps in ${Math.round(duration)} ms, as run with velocity_verlet`;
       if (folded) told.textContent = `${folded} triangles turned inside out: e means nothing. Throw slower.`;
     } catch (error) {
       told.textContent = error.message;
@@ -147,7 +146,7 @@ export class Throws {
   showList() {
     const { ui, rows, numbers } = this;
     if (!ui.list.open) return;
-    showResults(ui.table, rows, true);
+    showResults(ui.table, rows);
     const title = "restitution e over the speed v [c]";
     const range = [numbers[0].low, numbers[0].high];
     showDiagram(ui.diagram, ui.curve, rows, { title, range, fitted: false });

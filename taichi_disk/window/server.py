@@ -29,7 +29,7 @@ from taichi_disk.window.page import Page
 from taichi_disk.window.session import MAX_BYTES, Session
 
 LOCAL_HOST = "127.0.0.1"
-QUIET_TIME = 0.5  # between two kernels that are compiled in advance [s]
+QUIET_TIME = 1.0  # between two kernels that are compiled in advance [s]
 KEPT = 8  # sessions that a page finds again
 _POLL_INTERVAL = 0.1  # time between two checks for a signal [s]
 _CLOSE_TIME = 0.5  # time that pages get for saying goodbye at the end [s]

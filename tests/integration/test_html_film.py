@@ -362,7 +362,8 @@ def thrown(tmp_path_factory):
 
 # speeds and viscosities: slow or fast, without dashpots or with strong ones
 THROWS = [(0.02, 10.0), (0.1, 0.0), (0.2, 40.0), (0.005, 50.0)]
-# Every page computes with this: e, steps, contact time; then the colours of one state.
+# Every page computes with this: e, steps, contact time, energies at the end; then the
+# colours of one state.
 COMPUTE = """
 const films = FILMS;
 const names = ["springs", "triangles", "outline"];
@@ -370,7 +371,10 @@ const disks = films.map(({ scene, again }) => diskOf(again, Object.fromEntries(
   names.map((name) => [name, decoded(scene[name], Uint32Array)]))));
 const found = disks.flatMap((disk) => THROWS.map(([v, eta]) => {
   const { moments, rows, end, dt, restitution } = thrown(disk, v, eta);
-  return [restitution, Math.round(rows[end].t / dt), moments[2] - moments[0]];
+  const { elastic, vibration, translation, dissipated } = rows[end];
+  const energies = [elastic, vibration + translation, dissipated];
+  const contact = moments[2] - moments[0];
+  return [restitution, Math.round(rows[end].t / dt), contact, ...energies];
 }));
 const { x, v } = films[0];
 const colours = films[0].scene.quantities.map(({ name }) =>
@@ -399,9 +403,11 @@ def test_a_page_steps_as_velocity_verlet_does_and_knows_every_colour(
         films.append({"scene": film["runs"][0]["scene"], "again": again, **state})
         for v, eta in THROWS:
             other = {"impact.velocity": v, "material.eta_star": eta}
-            summary = api.run(result.scene.with_(other), lattices=1).summary
+            run = api.run(result.scene.with_(other), lattices=1)
             names = ("restitution", "steps", "contact_time")
-            expected.append([summary[name] for name in names])
+            energies = ("elastic", "kinetic", "dissipated")
+            results = [run.summary[name] for name in names]
+            expected.append([*results, *(run.series[name][-1] for name in energies)])
     numbers = COMPUTE.replace("FILMS", json.dumps(films))
     modules = bundle(*FILM[:-1]) + numbers.replace("THROWS", json.dumps(THROWS))
     page = tmp_path / "page.html"
@@ -413,7 +419,7 @@ def test_a_page_steps_as_velocity_verlet_does_and_knows_every_colour(
     found = np.array(computed["found"])
     expected = np.array(expected)
     assert found[:, 0] == pytest.approx(expected[:, 0], abs=1e-10)
-    assert found[:, 2] == pytest.approx(expected[:, 2], abs=1e-8)
+    assert found[:, 2:] == pytest.approx(expected[:, 2:], abs=1e-8)
     assert (found[:, 1] == expected[:, 1]).sum() >= len(expected) - 1
     result = api.run(throwable(), lattices=1)
     _, x, v = result.state(greatest_compression(result.series))

@@ -125,7 +125,8 @@ KEYS = {
     "inverted_triangles": "",
     "dt dt_limit attempts error_source energy": "stepping",
     "restitution contact_time": "impact",
-    "tangential_restitution spin_after tangential_impulse normal_impulse": "oblique",
+    "tangential_restitution spin_after normal_impulse": "oblique",
+    "tangential_impulse": "friction",
     "xi xi_nominal xi_extrapolated": "compression",
     "residual roll": "newton",
     "lattices": "several",
@@ -141,6 +142,7 @@ CASES = [
     (f"{THROWN} several", {}, {"lattices": 2}),
     (f"{THROWN} oblique", {"impact.angle": 0.4}, {}),
     (f"{THROWN} oblique", {"impact.spin": 0.01}, {}),
+    (f"{THROWN} oblique friction", {"impact.angle": 0.4, "wall.friction": 0.2}, {}),
     (f"{THROWN} oblique several", {"impact.angle": 0.4}, {"lattices": 2}),
     ("compression newton", {"compression.method": "newton"}, {}),
     pytest.param(

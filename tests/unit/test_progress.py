@@ -42,6 +42,19 @@ def test_a_stage_that_ends_early_is_shown_as_complete_and_the_cursor_comes_back(
     assert stream.getvalue().rfind(shown) > stream.getvalue().rfind(hidden) >= 0
 
 
+def test_text_that_is_printed_between_two_stages_stays():
+    stream = Terminal()
+    with terminal(stream) as progress:
+        progress("simulate", 0.0, 1000.0)
+        progress("lattices", 0, 7)
+        progress.rest()
+        stream.write("numbers\n")
+        progress("render", 0, 4)
+    later = stream.getvalue().partition("numbers\n")[2]
+    assert "render" in later and "simulate" not in later
+    assert "\x1b[1A" not in later  # goes up one line
+
+
 def test_a_remaining_time_says_whether_it_counts_to_the_time_limit():
     for total, limited in ((1000.0, True), (24, False)):
         stream = Terminal()
