@@ -137,7 +137,10 @@ def draw_film(
 
     def write(new: Path) -> None:
         times = [cue.t for cue in shots]
-        recordings = [Recording(one, times, [video.colour]) for one in flights]
+        recordings = [
+            Recording(one, times, [video.colour], factor)
+            for one, factor in zip(flights, stronger, strict=True)
+        ]
         pictures = _pictures(recordings, words, video, letters, names, panel)
         options = pictures.finisher, new, path.suffix, fps, metadata
         with closing(pictures), artist.employ(*options) as finish:

@@ -33,6 +33,7 @@ _MAX_ARROW = 4.0
 _SIDE_MARGIN = 0.05
 # greatest visible height of a disk that flies on until all compared runs have ended [R]
 _MAX_HEIGHT = 4.0
+_LARGER = 1.2  # amplitude of a vibration over that at the end of a run, about
 _WALL_DEPTH = 0.16  # visible part of the rigid wall below its edge [R]
 
 
@@ -116,10 +117,15 @@ class Recording:
     """
 
     def __init__(
-        self, flight: Flight, times: Sequence[float], quantities: Sequence[str]
+        self,
+        flight: Flight,
+        times: Sequence[float],
+        quantities: Sequence[str],
+        ringing: float = 1.0,
     ) -> None:
         """`times`: of the pictures; one time makes a still. `quantities`: names of
-        `fields.QUANTITIES` that need a scale."""
+        `fields.QUANTITIES` that need a scale. `ringing`: how many times stronger the
+        last pictures show a vibration."""
         run = flight.run
         scenario = run.scenario
         lattice = scenario.lattice
@@ -148,10 +154,14 @@ class Recording:
             self.full_speed = float(np.hypot(*lattice.mean(scenario.velocities)))
         self.edge = edge_height(wall, self.largest_force)
         self.flattest = flattening(lattice, compressed, flying)
-        self._outer = [state.positions for state in states.values()]
+        # states that reach farthest, and the factors on their vibration
+        self._outer = [(state.positions, 1.0) for state in states.values()]
         end = self._end_positions()
         if len(self.times) > 1 and end[:, 1].max() < _MAX_HEIGHT:
-            self._outer.append(end)
+            factors = [1.0]
+            if ringing > 1.0:
+                factors = [_LARGER * ringing, -_LARGER * ringing]  # half a period later
+            self._outer += [(end, factor) for factor in factors]
 
     def _scale_times(self, start: float, peak: float) -> Array:
         """Return the times from the `start` of the contact to its `peak`, if there is
@@ -189,7 +199,10 @@ class Recording:
         farthest."""
         lattice = self.run.scenario.lattice
         n = lattice.disk_points
-        return [placed(lattice, x, magnify, self.edge)[:n] for x in self._outer]
+        return [
+            placed(lattice, x, magnify, self.edge, ringing)[:n]
+            for x, ringing in self._outer
+        ]
 
     def view(self, magnify: float) -> View:
         """Return the bounds [R] of the scene and of the disk as it is drawn."""
