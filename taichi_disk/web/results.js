@@ -207,9 +207,8 @@ function written(key, value, result) {
   return result === "e" ? value.toFixed(3) : digits(value, 3);
 }
 
-// The newest result comes first. Each cell's `title` has all digits. `own`: whether they can be
-// removed.
-export function showResults(table, results, own) {
+// The newest result comes first. Each cell's `title` has all digits.
+export function showResults(table, results) {
   const none = "Finished experiments are listed here.";
   if (!results.length) return table.replaceChildren(element("caption", {}, none));
   const keys = Object.keys(COLUMNS).filter((key) => results.some((one) => one[key]));
@@ -227,7 +226,7 @@ export function showResults(table, results, own) {
     const name = { ariaLabel: `remove the result ${written("value", one.value, one.result)}` };
     const remove = element("button", name, "×");
     remove.dataset.remove = k;
-    return row(own ? [...cells, element("td", {}, remove)] : cells);
+    return row([...cells, element("td", {}, remove)]);
   });
   const head = row(keys.map((key) => element("th", { scope: "col" }, COLUMNS[key])));
   table.replaceChildren(element("thead", {}, head), element("tbody", {}, ...rows.reverse()));

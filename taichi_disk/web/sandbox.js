@@ -489,7 +489,7 @@ export class Sandbox {
     const { ui, panel, drawing } = this;
     const { results } = panel;
     for (const id of ["copy", "csv", "clear"]) ui[id].disabled = !results.length;
-    showResults(ui.table, results, true);
+    showResults(ui.table, results);
     const title = drawing.scene.labels.curve;
     const options = { title, range: panel.loadRange, fitted: ui.eq5.checked };
     showDiagram(ui.diagram, ui.curve, results, options);
