@@ -49,6 +49,11 @@ class Outcome:
     frames: Callable[[Array], Iterator[State]]
     summary: dict[str, Any]  # results and how they were computed, for summary.json
 
+    def __post_init__(self) -> None:
+        # `t = series["t"]; t -= t[k]` would change every later result and file
+        for array in (*self.series.values(), self.positions, self.velocities):
+            array.flags.writeable = False
+
 
 def compute(
     scenario: Scenario,

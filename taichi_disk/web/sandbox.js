@@ -28,7 +28,7 @@ const OWN_KEYS = [
   // keys that a control with the focus uses itself
   ["input[type=text], select", /./],
   ["input[type=range]", /^[A-Z]/],
-  ["button, input", /^(space|Enter)$/],
+  ["button, input[type=checkbox]", /^(space|Enter)$/],
 ];
 const NEWEST = 9e6; // above the number of every state: acknowledges all of them
 const MESSAGE_TIME = 6000; // for which a message is shown [ms]
@@ -172,8 +172,8 @@ export class Sandbox {
     if (play) {
       this.ui.list.close();
       this.send({ do: "play", number: Number(play) });
-      this.ui.drop.focus({ focusVisible: false }); // so that space throws
     }
+    if (play || one.id === "start") this.ui.drop.focus({ focusVisible: false }); // so that space throws
     this.actions[one.id]?.();
     this.redraw();
   }

@@ -134,6 +134,9 @@ def test_a_misspelt_keyword_argument_of_run_is_answered_by_the_nearest_name(
 def test_a_saved_result_is_loaded_bitwise_the_same_and_its_summary_names_its_film(
     result, tmp_path
 ):
+    for array in (result.series["t"], result.positions, result.velocities):
+        with pytest.raises(ValueError, match="read-only"):
+            array -= array[0]
     result.save(tmp_path / "r")
     assert_same(Result.load(tmp_path / "r"), result)
     assert summary_in(tmp_path / "r")["restitution"] == result.restitution

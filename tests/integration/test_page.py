@@ -58,10 +58,15 @@ def test_the_page_opens_obeys_and_computes_what_run_does(
     browser.type("impact.angle", "0")
     browser.wait(lambda: browser.setting("angle") == 0.0)
 
-    # It comes to the end that `run` computes, in all digits.
+    # A space throws it, also from a slider. It comes to the end that `run` computes, in
+    # all digits.
     stored = tmp_path / "scene.yaml"
     stored.write_text(browser.script("return sandbox.scene"), encoding="utf-8")
-    browser.click("drop")
+    browser.click("start")
+    assert browser.script("return document.activeElement.id") == "drop"
+    slider = "[data-key='material.eta_star'] input[type=range]"
+    browser.script(f'document.querySelector("{slider}").focus()')
+    browser.key(" ")
     (result,) = browser.wait(browser.results, 60.0)
     assert result["value"] == run(stored, lattices=1).restitution
     assert result["disturbance"] == ""
