@@ -288,8 +288,8 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         if "unrecognized arguments" in message:
             message += (
-                "; to change a key of the scene write --set SECTION.KEY=VALUE, e.g."
-                " --set material.eta_star=30"
+                "; run, sweep, view, check and accuracy change a key of the scene with"
+                " --set SECTION.KEY=VALUE, render has options such as --size 480"
             )
         super().error(message)
 

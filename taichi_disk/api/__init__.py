@@ -295,7 +295,8 @@ class Result(Outcome):
             raise InputError("times: must be ascending finite numbers")
         if times[0] < 0.0 or times[-1] > last * (1.0 + 1e-12):
             raise InputError(
-                f"times: must lie within 0 and {last:.6g}, the end of the run"
+                f"times: must lie within 0 and {last:.6g}, the end of the run; a"
+                " larger impact.gap ends an impact later"
             )
         return self.replay(times)
 

@@ -24,12 +24,17 @@ SYNONYMS = {
 }
 _LENGTH = "the disk's radius R is the unit of length"
 _MASS = "the disk's mass M is the unit of mass"
-UNITS = {
+_RESULT = "the restitution e is a result; a larger material.eta_star lowers it"
+# what is no key, and why
+NO_KEYS = {
     "radius": _LENGTH,
     "r": _LENGTH,
     "diameter": _LENGTH,
     "mass": _MASS,
     "m": _MASS,
+    "restitution": _RESULT,
+    "e": _RESULT,
+    "poisson": "Poisson's ratio follows from the lattice, about 0.28",
 }
 
 

@@ -16,6 +16,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from taichi_disk.engine import environment, internals
+from taichi_disk.errors import TaichiDiskError
 
 if TYPE_CHECKING:
     import taichi as ti  # noqa: F401 (`__getattr__` returns it)
@@ -30,7 +31,13 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     environment.prepare()
     internals.shorten_searches()
-    module = import_module(NAME)
+    try:
+        module = import_module(NAME)
+    except ImportError as error:
+        raise TaichiDiskError(
+            f"{PACKAGE} cannot be loaded: {error}; it needs libX11 and, on Linux, glibc"
+            " 2.34 or later (Debian 12, Ubuntu 22.04, RHEL 9)"
+        ) from None
     internals.patch(module)
     globals()["ti"] = module
     return module

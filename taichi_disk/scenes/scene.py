@@ -22,7 +22,7 @@ from taichi_disk.config.sections import (
     VideoSection,
 )
 from taichi_disk.config.tree import Keys, Tree, tree_of
-from taichi_disk.config.words import UNITS, resolve_synonym
+from taichi_disk.config.words import NO_KEYS, resolve_synonym
 from taichi_disk.errors import InputError, did_you_mean, either, nearest
 from taichi_disk.lattice import (
     Array,
@@ -423,9 +423,9 @@ def _unknown(kind: str, path: Keys, kinds: Kinds, tree: Tree) -> str:
     if tree.is_full:
         return "unknown key"
     word = path[-1]
-    unit = UNITS.get(word.lower())
-    if unit:
-        return f"no key: {unit}"
+    reason = NO_KEYS.get(word.lower())
+    if reason:
+        return f"no key: {reason}"
     owners = [name for name, one in kinds.items() if _has(one, path)]
     if owners:
         return f"belongs to scene: {either(owners)}, not to scene: {kind}"

@@ -252,9 +252,12 @@ function unbroken(line) {
   return [...words.flatMap((word) => [word, "   "]), "\n"];
 }
 
+// Return a line of a caption without the mark of its kind.
+const bare = (text) => text.replace(/^[*+]/, "");
+
 // Return the elements of one line of a caption. A blank line keeps its height.
 function captionLine(text) {
-  const plain = `${text.replace(/^[*+]/, "") || "\u00a0"}\n`;
+  const plain = `${bare(text) || "\u00a0"}\n`;
   if (text.startsWith("+")) return element("em", { className: "motion" }, plain);
   return element(text.startsWith("*") ? "b" : "em", {}, plain);
 }
@@ -344,7 +347,7 @@ async function play() {
     curves.draw(at, settings.theme, scene.themes[settings.theme]);
     throws?.judge(words[1].startsWith("*") ? main.flight.restitution : 0);
     ui.moment.value = place;
-    ui.moment.ariaValueText = words.filter(Boolean).join(", ");
+    ui.moment.ariaValueText = words.filter(Boolean).map(bare).join(", ");
   }
 
   function change() {

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from taichi_disk import runtime
+from taichi_disk import engine, runtime
 from taichi_disk.engine import environment, internals, ti
 from taichi_disk.errors import TaichiDiskError
 
@@ -46,6 +46,17 @@ def test_a_cache_that_cannot_be_read_or_has_no_room_is_named(tmp_path, monkeypat
         assert environment.cache_problem() == f"{tmp_path}: File too large"
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+def test_an_engine_that_cannot_be_loaded_says_what_it_needs(monkeypatch):
+    def fails(name):
+        raise ImportError("/lib/libc.so.6: version `GLIBC_2.34' not found")
+
+    monkeypatch.setattr(engine, "import_module", fails)
+    with pytest.raises(
+        TaichiDiskError, match=r"GLIBC_2.34' not found; it needs libX11"
+    ):
+        engine.__getattr__("ti")
 
 
 @pytest.mark.parametrize(

@@ -68,6 +68,7 @@ impact: {gap: 0.06} | 2:15: impact.gap: at 0.06 R the wall potential exceeds 1e-
 --set impact.v=0.03 | impact.v: unknown key; did you mean impact.velocity?
 --set mu=0.3 | mu: unknown key; did you mean wall.friction?
 --set lattice.N=300 | lattice.N: unknown key; did you mean lattice.points?
+--set restitution=0.9 | restitution: no key: the restitution e is a result; a larger
 --set lattice.radius=2 | lattice.radius: no key: the disk's radius R is the unit of
 """
 
