@@ -148,7 +148,7 @@ def faster_than_before(gained: dict[str, float]) -> str:
         "vibration": "without vibration at the start",
     }[source]
     return (
-        "e is above 1 because the impact turned other energy into flight away from the"
+        "e exceeds one because the impact turned other energy into flight away from the"
         " wall. In units of the energy of the flight towards it this was"
         f" {parts_text(gained)}; {remedy} e measures the flight alone"
     )

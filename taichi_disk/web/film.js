@@ -280,7 +280,6 @@ async function play() {
   const panes = runs.map((run) => {
     const caption = element("p");
     const canvas = element("canvas", { role: "img" });
-    canvas.ariaLabel = run.scene.title.join(", ");
     const words = element("p", { className: "faint" });
     const title = element("div", {}, element("h1", {}, run.scene.title[0]), words);
     const figcaption = element("figcaption", {}, title, caption);
@@ -314,6 +313,7 @@ async function play() {
       const recording = recordings[k];
       const words = recording.title ?? pane.run.scene.title;
       pane.words.replaceChildren(...words.slice(1).flatMap(unbroken));
+      pane.canvas.ariaLabel = words.join(", ");
       pane.recording = recording;
       pane.drawing.scene.wall.edge = recording.edge;
     });

@@ -451,6 +451,8 @@ def test_a_throw_is_its_address_and_hostile_ones_are_clipped(browser, thrown):
     assert browser.script(goal) == f"{task}Too dull."
     caption = browser.script("return document.querySelector('figcaption').innerText")
     assert f"e = {e:.3f}" in caption and "η* = 40" in caption
+    name = browser.script("return document.querySelector('canvas').ariaLabel")
+    assert "η* = 40" in name
     browser.script(CHOOSE, "v", np.log(0.02))
     browser.click("throw")
     here = "return location.hash"

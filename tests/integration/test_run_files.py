@@ -251,7 +251,7 @@ def test_an_export_that_fails_takes_no_result_with_it(tmp_path, monkeypatch, com
     status, printed, errors = command("--export=xyz")
     assert status == 1
     assert printed.startswith("restitution e ")
-    assert "error: cannot write trajectory.xyz: No space left" in errors
+    assert "o/trajectory.xyz: No space left" in errors
     summary = summary_in(tmp_path / "o")
     assert summary["status"] == "done"
     assert "trajectory.xyz" in summary["export_error"]

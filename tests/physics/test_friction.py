@@ -138,7 +138,7 @@ def test_a_run_with_e_above_1_says_which_energy_became_flight(kernels):
     assert "tangential_impulse" not in found  # 0 without friction
     (text,) = outcome.summary["warnings"]
     rotation = inertia(scenario) * (0.3**2 - found["spin_after"] ** 2) / 0.05**2
-    assert text.startswith("e is above 1")
+    assert text.startswith("e exceeds one")
     gained = outcome.summary["gained_from"]
     assert gained.startswith(f"{rotation:+.3g} from spin, +0 from flight along")
     assert gained in text and "with a smaller spin" in text
