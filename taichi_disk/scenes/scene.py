@@ -103,8 +103,8 @@ class DiskScene(Frozen):
         if material.viscosity != "auto" and material.eta_star != usual:
             text = (
                 f"{material.viscosity:g} and material.eta_star = {material.eta_star:g}"
-                " both set the dashpots: for the viscosity write"
-                f" material.eta_star={usual:g}, too, its default; for eta_star write auto"
+                f" both set the dashpots: for the viscosity write eta_star={usual:g},"
+                " its default, too; for eta_star write viscosity=auto"
             )
             found.append(("material.viscosity", text))
         if spec.file != "none":  # the file defines the whole lattice
