@@ -289,7 +289,8 @@ class _Parser(argparse.ArgumentParser):
         if "unrecognized arguments" in message:
             message += (
                 "; run, sweep, view, check and accuracy change a key of the scene with"
-                " --set SECTION.KEY=VALUE, render has options such as --size 480"
+                " --set SECTION.KEY=VALUE, e.g. --set material.eta_star=30; render has"
+                " options such as --size 480"
             )
         super().error(message)
 
