@@ -8,6 +8,9 @@ from typing import Any
 from taichi_disk.figures.curves import CURVE_KEYS, LAWS
 from taichi_disk.figures.theory import SIGNIFICANCE
 
+# No sample of lattices says how their errors are distributed farther out.
+LEAST_P_VALUE = 1e-6
+
 
 def curve_rows(
     curves: Sequence[dict[str, Any]],
@@ -65,5 +68,8 @@ def _verdict(fit: dict[str, Any], lattices: int) -> str:
     if p_value is None:
         return "not tested: too few lattices or points"
     if p_value < SIGNIFICANCE:
-        return f"refuted (p = {p_value:.2g}): off by {fit['rms_residual']:.2g} (rms)"
+        words = f"p = {p_value:.2g}"
+        if p_value < LEAST_P_VALUE:
+            words = f"p < {LEAST_P_VALUE:g}"
+        return f"refuted ({words}): off by {fit['rms_residual']:.2g} (rms)"
     return f"not refuted by {lattices} lattices (p = {p_value:.2g})"
