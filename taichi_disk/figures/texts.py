@@ -66,7 +66,7 @@ def _parameters(fit: dict[str, Any]) -> list[str]:
 def _verdict(fit: dict[str, Any], lattices: int) -> str:
     p_value = fit["p_value"]
     if p_value is None:
-        return "not tested: too few lattices or points"
+        return "not tested: too few lattices or points, or no scatter"
     if p_value < SIGNIFICANCE:
         words = f"p = {p_value:.2g}"
         if p_value < LEAST_P_VALUE:

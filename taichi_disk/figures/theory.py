@@ -29,6 +29,7 @@ Prediction = Callable[[Array], Array]  # maps tau0 (k,) to e (k, velocities)
 MIN_LATTICES = 5
 # A law is refuted if chance makes it fit as badly less often than this.
 SIGNIFICANCE = 0.01
+ROUNDING = 1e-18  # squares of rounding errors, over those of the values
 MAX_TAU0 = 2.0  # largest tau0 at e_star = 1 [R/c]
 START = 0.1  # where the search for it begins
 MAX_STEPS = 60  # of a search
@@ -275,7 +276,8 @@ def _p_value(deviations: Array, changes: Array) -> float:
     The test compares the squares of the mean deviations with the scatter of lattices,
     where no parameter can change them. Their ratio follows nearly the F distribution of
     the same mean and variance (Box, Ann. Math. Stat. 25, 290, 1954). So points whose
-    errors are correlated count as fewer degrees of freedom.
+    errors are correlated count as fewer degrees of freedom. NaN if lattices do not
+    differ.
     """
     from scipy.special import fdtrc
 
@@ -284,6 +286,8 @@ def _p_value(deviations: Array, changes: Array) -> float:
     n = len(left)
     covariance = np.cov(left.T)
     scatter = np.trace(covariance)
+    if scatter <= ROUNDING * (left**2).sum():
+        return np.nan  # all lattices are the same
     freedom = scatter**2 / (covariance**2).sum()
     ratio = n * (left.mean(0) ** 2).sum() / scatter
     return float(fdtrc(freedom, freedom * (n - 1), ratio))
