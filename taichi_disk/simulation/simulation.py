@@ -25,12 +25,7 @@ from taichi_disk.integrators.trapezoidal import DashpotSolver, Factor, factorise
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
 from taichi_disk.physics.law import Capacity
-from taichi_disk.physics.ordering import (
-    BLOCK,
-    PARALLEL_FROM,
-    Arrangement,
-    arrange,
-)
+from taichi_disk.physics.ordering import BLOCK, Arrangement, arrange
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.kernels import Kernels, SubdomainKernels
 from taichi_disk.simulation.observables import INDEX, bounds_array
@@ -76,7 +71,7 @@ class Program:
         # The user's own laws make fields, too, and may fail.
         with field_builder(ti) as builder:
             self._make_fields(builder, first.factor)
-            self._tree = owner.call(builder.finalize)
+            owner.call(builder.finalize)
             self.switch_to(first)
 
     def _make_fields(self, builder: Any, factor: Dashpots) -> None:
@@ -115,9 +110,7 @@ class Program:
         """Whether the fields still exist (a `ti.init` or `ti.reset` by the user deletes
         them) and have room for a simulation."""
         room = zip(simulation.needed, self._capacity, strict=True)
-        has_room = all(count <= most for count, most in room)
-        same_cut = simulation.arrangement.subdomains == self.subdomains
-        return self.is_alive and has_room and same_cut
+        return self.is_alive and all(count <= most for count, most in room)
 
     @property
     def is_alive(self) -> bool:
@@ -126,7 +119,7 @@ class Program:
     def switch_to(self, simulation: Simulation) -> None:
         """Save the state of the occupant, and write that of `simulation` into the
         fields."""
-        self._save()
+        self.vacate()
         for law, new in zip(self.model.laws, simulation.model.laws, strict=True):
             law.take_values(new)
         saved = simulation.saved
@@ -141,7 +134,7 @@ class Program:
                 owner.call(self.state.restore, saved)
         self.occupant = simulation
 
-    def _save(self) -> None:
+    def vacate(self) -> None:
         if self.occupant:
             self.occupant.save()
         self.occupant = None
@@ -151,10 +144,6 @@ class Program:
         assert self.occupant is not None
         n = len(self.occupant.lattice.positions)
         return owner.call(self.state.export, n, self.occupant.step_number)
-
-    def destroy(self) -> None:
-        self._save()
-        owner.call(self._tree.destroy)
 
     def _begin(self, simulation: Simulation) -> Written:
         """Write the state at t = 0."""
@@ -411,17 +400,17 @@ class KernelCache:
     def program(self, simulation: Simulation) -> Program:
         """Return a program with `simulation` in its fields, compiled only if
         necessary."""
-        # a small lattice and one for several cores keep a program each
         body = simulation.lattice, simulation.model, simulation.integrator
-        is_parallel = len(simulation.lattice.positions) >= PARALLEL_FROM
-        key = (compiled_for(*body), simulation.integrator.name, is_parallel)
+        key = (compiled_for(*body), simulation.integrator.name, simulation.subdomains)
         known = self._known.get(key)
         if known is not None and known.fits(simulation):
             known.switch_to(simulation)
             return known
         raise_if_interrupted()
         if known is not None and known.is_alive:
-            self._known.pop(key).destroy()
+            # Its fields stay: Taichi 1.7.4 cannot delete those that one of its threads
+            # does not know. Each new program has twice the room.
+            known.vacate()
         known = self._known[key] = Program(simulation)
         return known
 

@@ -1,12 +1,13 @@
 """A scene has only the laws that it needs, and a compiled simulation serves all
 lattices and parameters."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
 from bodies import FALLING, damped, disk, moving_down, words
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 
 from taichi_disk.engine import ti
 from taichi_disk.integrators import TRAPEZOIDAL, VELOCITY_VERLET
@@ -14,7 +15,7 @@ from taichi_disk.lattice import Lattice
 from taichi_disk.physics import BodyForce, ExponentialWall, Load, Springs
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.observables import INDEX
-from taichi_disk.simulation.simulation import Simulation, compiled_for
+from taichi_disk.simulation.simulation import KernelCache, Simulation, compiled_for
 
 VV = VELOCITY_VERLET
 
@@ -124,6 +125,28 @@ def test_simulations_of_one_program_move_as_each_does_alone(kernels):
     state = one.snapshot()
     with pytest.raises(ValueError, match="f64"):
         one.restore(replace(state, vectors=state.vectors.astype(np.float32)))
+
+
+@ti.kernel
+def of_the_user(value: ti.i32) -> ti.i32:
+    return value + 1
+
+
+def test_a_larger_lattice_is_computed_after_a_kernel_in_a_thread_of_the_user():
+    # Taichi then cannot delete fields that are older than the thread.
+    own = KernelCache()
+    small = disk(30, height=1.0)
+    v = moving_down(small, 0.05)
+    first = own.simulation(small, FALLING, VV, v, 1e-3)
+    with ThreadPoolExecutor(1) as thread:
+        assert thread.submit(of_the_user, 1).result() == 2
+    damped_one = own.simulation(small, damped(0.1), VV, v, 1e-3)
+    large = disk(13_000, height=1.0)
+    second = own.simulation(large, FALLING, VV, moving_down(large, 0.05), 1e-3)
+    for body, one in ((small, first), (small, damped_one), (large, second)):
+        one.advance(1)
+        moved = one.positions() - body.positions
+        assert_allclose(moved, [[0, -5e-5]] * len(moved), rtol=0, atol=1e-12)
 
 
 def test_a_law_that_a_scene_has_no_use_for_is_not_compiled():
