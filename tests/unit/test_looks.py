@@ -258,7 +258,7 @@ def test_a_film(name, tmp_path, monkeypatch, record):
 
     def stamp(image, mark, ground, columns):
         ends = mark.corners.min(axis=(0, 1)), mark.corners.max(axis=(0, 1))
-        texts.append((f"mark {mark.ink}", f"{number(mark.rim)} at {place(ends)}"))
+        texts.append(("mark", f"{mark.ink} {number(mark.rim)} at {place(ends)}"))
 
     pen = SimpleNamespace(Draw=lambda image: SimpleNamespace(text=letters))
     monkeypatch.setattr(finisher, "ImageDraw", pen)
