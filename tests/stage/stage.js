@@ -240,9 +240,12 @@ function perform(name, act, isLooked) {
   drawFrame();
   const { drawn, everDrawn } = stage;
   const news = new Set(isLooked ? joined(drawn).filter((line) => !everDrawn.has(line)) : []);
+  let before = "none"; // act and colour of the last line
   for (const line of news) {
-    note(line);
     everDrawn.add(line);
+    if (line.startsWith(`${before} `)) stage.lines.push(`${stage.lines.pop()};${line.slice(before.length)}`);
+    else note(line);
+    before = line.match(/^  (stroke|text|fill) \S+( of \S+)?/)?.[0] ?? "none";
   }
   const same = drawn.filter((line) => stage.lastDrawn.includes(line)).length;
   if (drawn.length) {
