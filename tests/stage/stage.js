@@ -137,7 +137,10 @@ window.WebSocket = class {
   send(text) {
     const message = JSON.parse(text);
     const isSeen = message.do === "seen";
-    if (!isSeen || message.number !== stage.seen) note(`  send ${JSON.stringify(message, plain)}`);
+    if (isSeen && message.number === stage.seen) return;
+    const sent = JSON.stringify(message, plain);
+    if (stage.lines.at(-1)?.startsWith("  send ")) stage.lines.push(`${stage.lines.pop()} ${sent}`);
+    else note(`  send ${sent}`);
     if (isSeen) stage.seen = message.number;
   }
   close() {

@@ -542,7 +542,7 @@ def short(value, name=""):
 
 
 def of_json(value):
-    style = {"width": 400, "allow_unicode": True, "sort_keys": False}
+    style = {"width": 10_000, "allow_unicode": True, "sort_keys": False}
     return yaml.safe_dump(short(value), **style, default_flow_style=None).splitlines()
 
 
@@ -571,12 +571,14 @@ def test_films_that_are_pages(tmp_path, record):
         head, data = packed(path)
         captions = head["runs"][0]["captions"]
         head["runs"][0]["captions"] = [captions[k] for k in (0, 12, 20, -1)]
-        curves = [str([*short(one).values()]) for one in head.pop("curves")]
+        curves = "; ".join(str([*short(one).values()]) for one in head.pop("curves"))
         for key in ("quantities", "themes"):  # of any scene: they are among messages
             del head["runs"][0]["scene"][key]
-        notes |= dict.fromkeys([name, *of_json(head), *curves])
+        notes |= dict.fromkeys([name, *of_json(head), curves])
+        arrays = {}
         for key, (first, count) in head["runs"][0]["arrays"].items():
             assert first % 4 == 0  # as JavaScript wants it
             array = np.frombuffer(data, TYPES.get(key, "u1"), count, first)
-            notes[f"{key} {digest(array)}"] = None
+            arrays[key] = digest(array)
+        notes[str(arrays)] = None
     record("pages_of_films", notes)
