@@ -237,19 +237,24 @@ function joined(lines) {
   return found;
 }
 
+// Note lines, and those that begin as the line before in one.
+function noteAlike(lines, beginning) {
+  let before = "none";
+  for (const line of lines) {
+    if (line.startsWith(`${before} `)) note(`${stage.lines.pop()};${line.slice(before.length)}`);
+    else note(line);
+    before = line.match(beginning)?.[0] ?? "none";
+  }
+}
+
 function perform(name, act, isLooked) {
   const title = stage.lines.push(name) - 1;
   act?.();
   drawFrame();
   const { drawn, everDrawn } = stage;
   const news = new Set(isLooked ? joined(drawn).filter((line) => !everDrawn.has(line)) : []);
-  let before = "none"; // act and colour of the last line
-  for (const line of news) {
-    everDrawn.add(line);
-    if (line.startsWith(`${before} `)) stage.lines.push(`${stage.lines.pop()};${line.slice(before.length)}`);
-    else note(line);
-    before = line.match(/^  (stroke|text|fill) \S+( of \S+)?/)?.[0] ?? "none";
-  }
+  for (const line of news) everDrawn.add(line);
+  noteAlike(news, /^  (stroke|text|fill) \S+( of \S+)?/);
   const same = drawn.filter((line) => stage.lastDrawn.includes(line)).length;
   if (drawn.length) {
     stage.lines[title] += `; ${drawn.length} strokes and texts, ${same} as before`;
@@ -257,7 +262,8 @@ function perform(name, act, isLooked) {
   }
   stage.drawn = [];
   const shown = described(stage.root);
-  for (const line of shown) if (!stage.shown.includes(line)) note(line);
+  const newlyShown = shown.filter((line) => !stage.shown.includes(line));
+  noteAlike(newlyShown, /^  #\S+(?=.{0,110}$)/);
   const gone = stage.shown.filter((line) => !shown.includes(line)).length;
   if (gone) stage.lines[title] += `; ${gone} lines are gone`;
   stage.shown = shown;

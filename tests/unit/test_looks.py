@@ -574,7 +574,8 @@ def test_films_that_are_pages(tmp_path, record):
         curves = "; ".join(str([*short(one).values()]) for one in head.pop("curves"))
         for key in ("quantities", "themes"):  # of any scene: they are among messages
             del head["runs"][0]["scene"][key]
-        notes |= dict.fromkeys([name, *of_json(head), curves])
+        limits = short(head["runs"][0].pop("limits"))
+        notes |= dict.fromkeys([name, *of_json(head), str(limits), curves])
         arrays = {}
         for key, (first, count) in head["runs"][0]["arrays"].items():
             assert first % 4 == 0  # as JavaScript wants it
