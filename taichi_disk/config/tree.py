@@ -78,15 +78,6 @@ class Tree:
     def fault(self, mark: Mark, path: Keys, what: str) -> None:
         self.faults.append(Fault(mark, ".".join(path), what))
 
-    def remove(self, path: Keys) -> None:
-        """Remove the value at `path`, which is there."""
-        *parents, last = path
-        mapping = self.value
-        for name in parents:
-            mapping = mapping[name]
-        del mapping[last]
-        del self.entries[path]
-
     @property
     def is_full(self) -> bool:
         """Whether there are so many faults that others are only counted."""

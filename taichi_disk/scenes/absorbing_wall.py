@@ -21,7 +21,6 @@ from taichi_disk.scenes.conflicts import (
     Conflicts,
     least_threshold,
     rounded_up,
-    time_conflicts,
 )
 from taichi_disk.scenes.impact import ImpactScenario, ImpactScene
 
@@ -59,13 +58,7 @@ class AbsorbingWallScene(ImpactScene):
     impact: ElasticImpactSection = ElasticImpactSection()
 
     def conflicts(self) -> Conflicts:
-        matched = []
-        if self.wall.boundary == "dashpot":
-            matched = ["wall.boundary = dashpot"]
-        resets = bool(self.reset_interval)
-        conflicts = super().conflicts() + time_conflicts(
-            self.time, self.material, *matched, resets=resets
-        )
+        conflicts = super().conflicts()
         least = least_threshold(self.wall, self.impact.towards)
         if self.wall.threshold < least:
             text = (

@@ -12,7 +12,7 @@ from taichi_disk.computation.scenario import Array, Scenario, Words, distribute
 from taichi_disk.config.sections import CompressionSection, MaterialSection, WallSection
 from taichi_disk.lattice import Lattice
 from taichi_disk.progress import Progress, silent
-from taichi_disk.scenes.conflicts import Conflicts, time_conflicts
+from taichi_disk.scenes.conflicts import Conflicts
 from taichi_disk.scenes.scene import DiskScene
 from taichi_disk.simulation.observables import Columns
 
@@ -52,7 +52,7 @@ class CompressionScene(DiskScene):
     compression: CompressionSection = CompressionSection()
 
     def conflicts(self) -> Conflicts:
-        conflicts = super().conflicts() + time_conflicts(self.time, self.material)
+        conflicts = super().conflicts()
         if self.time.tolerance != "none" and self.compression.method == "newton":
             text = (
                 "Newton's method takes no time step, and solves to rounding: write"

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 from taichi_disk.config.sections import ImpactSection, RoughWallSection
 from taichi_disk.lattice import Lattice
-from taichi_disk.scenes.conflicts import Conflicts, time_conflicts
 from taichi_disk.scenes.impact import ImpactScene
 
 if TYPE_CHECKING:
@@ -22,11 +21,6 @@ class ExponentialWallScene(ImpactScene):
     scene: Literal["exponential_wall"] = "exponential_wall"
     wall: RoughWallSection = RoughWallSection()
     impact: ImpactSection = ImpactSection()
-
-    def conflicts(self) -> Conflicts:
-        return super().conflicts() + time_conflicts(
-            self.time, self.material, friction=self.wall.friction
-        )
 
     def model_of(self, lattice: Lattice, springs: Springs) -> Model:
         from taichi_disk.physics import ExponentialWall, Model

@@ -16,7 +16,6 @@ from taichi_disk.computation.scenario import (
     Array,
     Scenario,
     Words,
-    minus,
     signed,
     time_text,
 )
@@ -394,32 +393,27 @@ class ImpactScenario(Scenario):
         )
 
     def conclusion(self, columns: Columns) -> str:
-        up = self._speed_after(columns)
-        text = f"It comes back with {up / self.speed_before:.3f} of its speed"
+        before = self.speed_before
+        after = self._speed_after(columns)
+        direction = ""
         if self.scene.is_oblique:
-            along = float(columns["com_vx"][-1])
-            side = "right" if along > 0.0 else "left"
-            angle = np.degrees(np.arctan2(abs(along), up))
-            kept = np.hypot(along, up) / self.scene.impact.velocity
-            spin = minus(columns["angular_momentum"][-1] / self.shape.inertia)
-            text = (
-                f"It leaves {angle:.0f}° to the {side} with {kept:.3f} of its speed and"
-                f" a spin of {spin} c/R"
-            )
+            along = columns["com_vx"]
+            before = np.hypot(before, along[0])
+            after = np.hypot(after, along[-1])
+            direction = ", to the right" if along[-1] > 0.0 else ", to the left"
+        text = f"It comes back with {after / before:.3f} of its speed{direction}"
         energies = split(columns, self.shape.inertia)
-        energy = energies["kinetic"][0]
-        ringing = energies["vibration"][-1] + energies["elastic"][-1]
-        shares = {"{:.2g} % still rings": ringing / energy}
-        for name in of_kind("loss"):
-            words = f"{BY_NAME[name].label} took {{:.2g}} %"
-            shares[words] = energies[name][-1] / energy
-        parts = [
-            words.format(100.0 * share)
-            for words, share in shares.items()
-            if share > LEAST_SHARE
-        ]
+        shares = {}
+        for name in reversed(of_kind("loss")):
+            shares[f"{BY_NAME[name].label} took {{:.2g}} %"] = energies[name]
+        shares["{:.2g} % still rings"] = energies["vibration"] + energies["elastic"]
+        parts = []
+        for words, energy in shares.items():
+            share = energy[-1] / energies["kinetic"][0]
+            if share > LEAST_SHARE:
+                parts.append(words.format(100.0 * share))
         if parts:
-            text += f". Of the energy, {', '.join(reversed(parts))}"
+            text += f". Of the energy, {', '.join(parts)}"
         return f"{text}."
 
     def motion(self, columns: Columns) -> Array:

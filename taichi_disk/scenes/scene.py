@@ -33,7 +33,7 @@ from taichi_disk.lattice import (
     circle_faults,
     own_velocities,
 )
-from taichi_disk.scenes.conflicts import Conflicts
+from taichi_disk.scenes.conflicts import Conflicts, time_conflicts
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -99,7 +99,8 @@ class DiskScene(Frozen):
         spec = self.lattice
         material = self.material
         usual = type(self).material.eta_star
-        found = []
+        wall = getattr(self, "wall", None)
+        found = time_conflicts(self.time, material, wall)
         if material.viscosity != "auto" and material.eta_star != usual:
             text = (
                 f"{material.viscosity:g} and material.eta_star = {material.eta_star:g}"
