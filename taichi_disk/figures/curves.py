@@ -20,18 +20,6 @@ from taichi_disk.scenes.compression import paper_compression
 from taichi_disk.scenes.sweep_axes import target_of
 
 Row = dict[str, Any]
-# Keys in the summary of a curve that follow its label.
-CURVE_KEYS = (
-    "lattices",
-    "young",
-    "poisson",
-    "x",
-    "folded",
-    "mean",
-    "standard_deviation",
-    "half_width_95",
-    "fits",
-)
 # The moduli depend on these keys.
 MATERIAL = {
     ("material", "k_a"),

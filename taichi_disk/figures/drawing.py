@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from textwrap import fill
 from typing import Any, NamedTuple
@@ -280,29 +281,24 @@ def curve_label(label: dict[str, Any]) -> str:
 def _name_ends(ax: Axes, drawn: Sequence[Any], curves: Sequence[Curve]) -> bool:
     """Write the name of each curve at its right end, and return True, unless there is
     too little room for them."""
-    ends = []
-    for container, curve in zip(drawn, curves, strict=True):
-        end = container.lines[0].get_xydata()[-1]
-        ends.append((ax.transData.transform(end)[1], end, container, curve))
-    ends.sort(key=lambda one: one[0])
-    step = NAME_HEIGHT * ax.figure.dpi / 72.0  # [px]
-    lowest = -np.inf
-    names = []
-    for height, end, container, curve in ends:
-        place = max(height, lowest)
-        lowest = place + step
-        shift = (place - height) / step * NAME_HEIGHT
-        if shift > MAX_SHIFT:
-            return False
-        names.append((end, shift, container, curve))
-    for end, shift, container, curve in names:
+    lines = [container.lines[0] for container in drawn]
+    ends = np.array([line.get_xydata()[-1] for line in lines])
+    heights = ax.transData.transform(ends)[:, 1] * 72.0 / ax.figure.dpi  # [pt]
+    order = np.argsort(heights, kind="stable")
+    places = heights.copy()
+    for below, above in pairwise(order):
+        places[above] = max(places[above], places[below] + NAME_HEIGHT)
+    shifts = places - heights
+    if shifts.max() > MAX_SHIFT:
+        return False
+    for k in order:
         ax.annotate(
-            curve_label(curve.label),
-            end,
-            (5.0, shift),
+            curve_label(curves[k].label),
+            ends[k],
+            (5.0, shifts[k]),
             textcoords="offset points",
             va="center",
-            color=container.lines[0].get_color(),
+            color=lines[k].get_color(),
             fontsize=FONT["legend.fontsize"],
         )
     return True

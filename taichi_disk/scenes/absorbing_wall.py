@@ -107,9 +107,9 @@ class AbsorbingWallScene(ImpactScene):
         changes = super().changes_with(key, value)
         if key in ("wall.a", "impact.velocity", "impact.angle"):
             section, name = key.split(".")
-            parts: Any = {"wall": self.wall, "impact": self.impact}
-            parts[section] = replace(parts[section], **{name: value})
-            least = least_threshold(parts["wall"], parts["impact"].towards)
+            changed = replace(getattr(self, section), **{name: value})
+            scene = replace(self, **{section: changed})
+            least = least_threshold(scene.wall, scene.impact.towards)
             changes["wall.threshold"] = max(
                 self.wall.threshold, float(rounded_up(least))
             )

@@ -128,10 +128,8 @@ class ImpactScene(DiskScene):
         speed = float(np.hypot(along, up))
         angle = float(np.arctan2(along, -up))
         # A scene that throws a disk so, but for rounding, stays as it is.
-        faults = np.array(
-            [speed / self.impact.velocity - 1.0, angle - self.impact.angle]
-        )
-        if (np.abs(faults) < 1e-12).all():
+        impact = self.impact
+        if np.allclose([speed, angle], [impact.velocity, impact.angle], 1e-12, 1e-12):
             return self
         # exactly 0 straight down, in spite of rounding
         angle = round(angle, 12)
