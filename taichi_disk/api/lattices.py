@@ -10,7 +10,6 @@ import numpy as np
 from taichi_disk.computation.outcome import ESTIMATE_UP_TO, Outcome
 from taichi_disk.errors import by_kind, described
 from taichi_disk.integrators import INTEGRATORS
-from taichi_disk.lattice import Array
 from taichi_disk.progress import Progress
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import outcome_of
@@ -107,13 +106,17 @@ def compare_lattices(
             f"{warned} of {count - 1} other lattices: {text}"
         )
     comparison: dict[str, Any] = {"seeds": seeds}
-    if len(results) == 1:
-        return comparison
     for name in results[0]:
         values = [numbers[name] for numbers in results if name in numbers]
-        if len(values) == len(results):  # every lattice has this result
+        if len(values) == len(results) > 1:  # every lattice has this result
             comparison[name] = statistics_of(values)
-            outcome.summary["warnings"] += _far_off(name, seeds, np.array(values))
+            low, median, high = np.percentile(values, [25.0, 50.0, 75.0])
+            distances = abs(values - median)
+            if len(values) >= LATTICES and distances.max() > FAR_OFF * (high - low):
+                outcome.summary["warnings"].append(
+                    f"{name}: the lattice of seed {seeds[distances.argmax()]} lies far"
+                    f" off: the interval is no summary, the median is {median:.4g}"
+                )
     return comparison
 
 
@@ -138,20 +141,6 @@ def statistics_of(values: list[float]) -> dict[str, Any]:
         "standard_error": error,
         "interval_95": [mean - half_width, mean + half_width],
     }
-
-
-def _far_off(name: str, seeds: list[int], values: Array) -> list[str]:
-    """Return a warning if one of the `values` (lattices,) is no sample of a normal
-    distribution, for which intervals are made."""
-    low, median, high = np.percentile(values, [25.0, 50.0, 75.0])
-    distances = abs(values - median)
-    if len(values) < LATTICES or distances.max() <= FAR_OFF * (high - low):
-        return []
-    seed = seeds[distances.argmax()]
-    return [
-        f"{name}: the lattice of seed {seed} lies far off: the interval is no summary,"
-        f" the median is {median:.4g}"
-    ]
 
 
 def half_width_95(standard_error: float, count: int) -> float:

@@ -276,8 +276,8 @@ def within_tolerance(
     the error is within `time.tolerance`. Return the run with the shortest step, and its
     errors of results by name.
 
-    `run` runs the scene to its end with a step. Raises SimulationError if no step is
-    found.
+    `run` runs the scene to its end with a step. Raises SimulationError if that fails,
+    or no step is found.
     """
     scenario = driver.scenario
     tolerance = scenario.scene.time.tolerance
@@ -289,8 +289,10 @@ def within_tolerance(
     most = SEARCH
     while left < tolerance and halvings < most:
         halvings += 1
-        half = _step(driver, 0.5 * runs[-1].step.dt)
-        runs = [*runs[-2:], run(half)]
+        half = run(_step(driver, 0.5 * runs[-1].step.dt))
+        if half.failure:
+            raise half.failure
+        runs = [*runs[-2:], half]
         if len(runs) < 3:
             continue
         order = _order_shown(runs)

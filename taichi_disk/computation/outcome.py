@@ -90,7 +90,7 @@ def compute(
         raise driver.failure
     errors = None
     if scenario.scene.time.tolerance != "none" and scenario.step_dependent:
-        driver, errors = within_tolerance(driver, runs.finished)
+        driver, errors = within_tolerance(driver, runs.run)
     return _described(driver, errors, estimate, runs)
 
 
@@ -113,13 +113,6 @@ class Runs:
         while driver.advance(seconds=0.1) == "running":
             self.progress(self.stage, driver.simulation.time, self.last)
         driver.let_go()
-        return driver
-
-    def finished(self, step: TimeStep) -> Driver:
-        """Return the driver of a finished run; raises the failure if it has failed."""
-        driver = self.run(step)
-        if driver.failure:
-            raise driver.failure
         return driver
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 from math import tan
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -38,12 +38,12 @@ _WALLS = {
 class AbsorbingWallScene(ImpactScene):
     """A scene with an elastic wall, as read from its file."""
 
-    title: ClassVar[str] = "impact on an elastic, absorbing wall"
-    heading: ClassVar[str] = "Impact on an elastic wall"
-    slip_remedy: ClassVar[str] = (
+    title = "impact on an elastic, absorbing wall"
+    heading = "Impact on an elastic wall"
+    slip_remedy = (
         "; if it has slipped off the end of the wall, write a larger wall.width"
     )
-    lattice_keys: ClassVar[tuple[str, ...]] = (
+    lattice_keys = (
         "lattice",
         "wall.points",
         "wall.width",

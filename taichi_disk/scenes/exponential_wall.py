@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Literal
 
 from taichi_disk.config.sections import ImpactSection, RoughWallSection
 from taichi_disk.lattice import Lattice
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 class ExponentialWallScene(ImpactScene):
     """An impact on a rigid wall, as read from its file."""
 
-    title: ClassVar[str] = "impact on a rigid wall"
-    heading: ClassVar[str] = "Impact on a rigid wall"
+    title = "impact on a rigid wall"
+    heading = "Impact on a rigid wall"
 
     scene: Literal["exponential_wall"] = "exponential_wall"
     wall: RoughWallSection = RoughWallSection()

@@ -7,7 +7,7 @@ from abc import abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -101,11 +101,11 @@ class Shape:
 class ImpactScene(DiskScene):
     """An impact, as read from its file. A kind defines `model_of`."""
 
-    heading: ClassVar[str] = "Impact"  # first line of titles
-    slip_remedy: ClassVar[str] = ""  # advice for a disk that has left the wall's end
-    abscissa: ClassVar[tuple[str, str]] = ("impact", "velocity")
-    results: ClassVar[tuple[str, ...]] = ("restitution", "contact_time")
-    optional_results: ClassVar[tuple[str, ...]] = tuple(oblique.LABELS)
+    heading = "Impact"  # first line of titles
+    slip_remedy = ""  # advice for a disk that has left the wall's end
+    abscissa = ("impact", "velocity")
+    results = ("restitution", "contact_time")
+    optional_results = tuple(oblique.LABELS)
 
     wall: Any = None
     impact: Any = None

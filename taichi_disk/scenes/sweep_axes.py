@@ -78,10 +78,11 @@ def check_sweep(tree: Tree, kinds: Kinds) -> Sweep | None:
     section = tree.value.pop("sweep")
     name = tree.value.get("scene")
     kind = kinds.get(name) if isinstance(name, str) else None
-    listed = isinstance(section, list) and len(section) > 0
+    given: dict[Keys, Any] = {("sweep",): section}
+    if isinstance(section, list) and section:
+        given = {("sweep", str(k)): block for k, block in enumerate(section)}
     blocks = []
-    for number, block in enumerate(section if listed else [section]):
-        path = ("sweep", str(number)) if listed else ("sweep",)
+    for path, block in given.items():
         if not (isinstance(block, dict) and block):
             entry = tree.entries[path]
             tree.fault(
