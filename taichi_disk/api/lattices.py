@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from taichi_disk.computation.error_estimate import measured
 from taichi_disk.computation.outcome import ESTIMATE_UP_TO, Outcome
 from taichi_disk.errors import by_kind, described
 from taichi_disk.integrators import INTEGRATORS
@@ -85,7 +86,7 @@ def compare_lattices(
     """
     scene: Scene = outcome.scenario.scene
     seeds = [scene.lattice.seed]
-    results = [_numbers(outcome)]
+    results = [measured(outcome.scenario, outcome.series)]
     warnings: list[str] = []
     for number in range(1, count):
         progress("lattices", number - 1, count - 1)
@@ -93,7 +94,7 @@ def compare_lattices(
         sample = replace(scene, lattice=replace(scene.lattice, seed=seed))
         try:
             other = outcome_of(sample, force=force, estimate=False)
-            results.append(_numbers(other))
+            results.append(measured(other.scenario, other.series))
             seeds.append(seed)
             warnings += other.summary["warnings"]
         # The scene's own result is complete, whatever happens to another lattice.
@@ -118,13 +119,6 @@ def compare_lattices(
                     f" off: the interval is no summary, the median is {median:.4g}"
                 )
     return comparison
-
-
-def _numbers(outcome: Outcome) -> dict[str, float]:
-    numbers = outcome.scenario.result(outcome.series)
-    if outcome.scenario.is_thrown:
-        numbers["vibration_left"] = outcome.summary["energy"]["vibration_left"]
-    return numbers
 
 
 def statistics_of(values: list[float]) -> dict[str, Any]:

@@ -145,17 +145,17 @@ class Law(NamedTuple):
         return len(curve.x) >= self.min_points
 
 
+def eq5(curve: Curve, d1: float, d2: float) -> Line:
+    """Return speeds and e of eq. (5), as far as e is at most 1."""
+    v = np.geomspace(curve.x.min(), curve.x.max(), 80)
+    e = theory.paper_restitution(v, d1, d2)
+    return v[e <= 1.0], e[e <= 1.0]
+
+
 def _eq2(curve: Curve, fit: Fit) -> Line:
     """Return pressures and compressions of eq. (2)."""
     P = np.linspace(curve.x.min(), curve.x.max(), 60)
     return P, paper_compression(P, curve.young, curve.poisson, fit.values["b"])
-
-
-def _eq5(curve: Curve, fit: Fit) -> Line:
-    """Return speeds and e of eq. (5), as far as e is at most 1."""
-    v = np.geomspace(curve.x.min(), curve.x.max(), 80)
-    e = theory.paper_restitution(v, fit.values["d1"], fit.values["d2"])
-    return v[e <= 1.0], e[e <= 1.0]
 
 
 def _eq4(curve: Curve, fit: Fit) -> Line:
@@ -186,7 +186,7 @@ LAWS = {
         lambda c: theory.fit_restitution(c.x, c.y),
         min_points=3,
         max_speed=3.9,
-        line=_eq5,
+        line=lambda c, fit: eq5(c, **fit.values),
         legend="eq. (5), d₁ and d₂ fitted",
     ),
     "curvature": Law(

@@ -16,8 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from taichi_disk.figures import theory
-from taichi_disk.figures.curves import LAWS, Curve, Diagram, Line
+from taichi_disk.figures.curves import LAWS, Curve, Diagram, Line, eq5
 from taichi_disk.lattice import Array
 from taichi_disk.output.files import atomic_write
 from taichi_disk.output.inline import Plot
@@ -137,9 +136,7 @@ def _compression_laws(curve: Curve) -> list[tuple[Line, str, str]]:
 
 
 def _paper_restitution(curve: Curve) -> list[tuple[Line, str, str]]:
-    v = np.geomspace(curve.x.min(), curve.x.max(), 80)
-    e = theory.paper_restitution(v, 0.973, 0.119)
-    return [((v, e), "-.", "paper: d₁ = 0.973, d₂ = 0.119")]
+    return [(eq5(curve, 0.973, 0.119), "-.", "paper: d₁ = 0.973, d₂ = 0.119")]
 
 
 SPEED = "impact speed  v/c"

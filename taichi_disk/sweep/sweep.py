@@ -395,17 +395,15 @@ def print_sweep(result: SweepResult) -> None:
         print(f"{law}: {meaning}")
     _print_failures(result)
     counted = f"{_counted(result)}; {summary['wall_clock']:.1f} s"
-    files = f"files in {result.out}"
-    if part is None:
-        print(counted)
-        print(files)
-        return
-    print(f"part {part}: {counted}")
-    print(files)
-    print(
-        "when all parts are finished, repeat the command without --part to write table,"
-        " fits and figure"
-    )
+    if part is not None:
+        counted = f"part {part}: {counted}"
+    print(counted)
+    print(f"files in {result.out}")
+    if part is not None:
+        print(
+            "when all parts are finished, repeat the command without --part to write"
+            " table, fits and figure"
+        )
 
 
 def _print_failures(result: SweepResult) -> None:
