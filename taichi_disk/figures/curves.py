@@ -20,13 +20,6 @@ from taichi_disk.scenes.compression import paper_compression
 from taichi_disk.scenes.sweep_axes import target_of
 
 Row = dict[str, Any]
-# The moduli depend on these keys.
-MATERIAL = {
-    ("material", "k_a"),
-    ("lattice", "points"),
-    ("lattice", "min_spacing"),
-    ("lattice", "file"),
-}
 SEED = ("lattice", "seed")
 FOLDED = "turned inside out"  # stands in the warnings of a point
 
@@ -40,7 +33,7 @@ class Curve:
     x: Array  # (points,), for example speeds [c] or pressures [M c^2/R]
     # (lattices, points) of each result, the drawn one first; NaN if there is none
     results: dict[str, Array]
-    # E [M c^2/R^2], mean over samples with the seeds of the sweep; NaN for lattices
+    # E [M c^2/R^2], mean over samples with the seeds of the curve; NaN for lattices
     # from a file
     young: float
     poisson: float  # nu, as for E
@@ -262,8 +255,6 @@ def analyse(
     if diagram.is_of_laws:
         results = list(base.results)
     measured = [row for row in rows if _is_number(row.get(y))]
-    of_material = [name for name in others if target_of(base, name) in MATERIAL]
-    by_material = grouped(measured, of_material)
     for values, members in grouped(measured, others).items():
         label = dict(zip(others, values, strict=True))
         sound = members
@@ -275,8 +266,7 @@ def analyse(
             tables = {name: table[complete] for name, table in tables.items()}
         if not len(tables[y]):
             continue
-        same_material = by_material[tuple(label[name] for name in of_material)]
-        young, poisson = _mean_moduli(same_material, seed)
+        young, poisson = _mean_moduli(members, seed)
         curve = Curve(
             label=label,
             x=places,

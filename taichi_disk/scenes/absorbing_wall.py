@@ -48,7 +48,6 @@ class AbsorbingWallScene(ImpactScene):
         "wall.points",
         "wall.width",
         "wall.k_a",
-        "material.k_a",
     )
 
     scene: Literal["absorbing_wall"] = "absorbing_wall"

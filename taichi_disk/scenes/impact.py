@@ -436,20 +436,18 @@ class ImpactScenario(Scenario):
     def _title(self) -> tuple[str, ...]:
         scene = self.scene
         impact = scene.impact
-        friction = scene.wall.friction
         words = [
             f"v = {impact.velocity:g} c",
             scene.damping,
             f"a = {scene.wall.a:g}/R",
         ]
-        if impact.angle:
-            words.append(f"{impact.angle:g} rad from the normal")
-        if impact.spin:
-            words.append(f"spin {impact.spin:g} c/R")
-        if friction:
-            words.append(f"μ = {friction:g}")
-        if impact.turn:
-            words.append(f"turned by {impact.turn:g}")
+        of_some = {
+            "{:g} rad from the normal": impact.angle,
+            "spin {:g} c/R": impact.spin,
+            "μ = {:g}": scene.wall.friction,
+            "turned by {:g}": impact.turn,
+        }
+        words += [text.format(value) for text, value in of_some.items() if value]
         if self.own.velocities is not None:
             words.append("own velocities")
         heading = scene.heading

@@ -141,15 +141,15 @@ class DiskScene(Frozen):
         Raises InputError with all faults.
         """
         data = asdict(self)
-        others = dict[str, Any]()  # faults, which `check` reports
         setters = dict[str, str]()  # which name has set each dotted key
         for name, value in [*(changes or {}).items(), *keys.items()]:
             section, key = self._home(name)
             values = value
             if key:
                 values = {key: value}
-            if section not in self.sections() or not isinstance(values, Mapping):
-                others[name] = value
+            old = data.get(section)
+            if not (isinstance(old, dict) and isinstance(values, Mapping)):
+                data[name] = value  # a fault, which `check` reports
                 continue
             for one in values:
                 path = f"{section}.{one}"
@@ -159,8 +159,8 @@ class DiskScene(Frozen):
                         " two out"
                     )
                 setters[path] = name
-            data[section] |= values
-        tree = tree_of(data | others)
+            old |= values
+        tree = tree_of(data)
         found = check(tree, {self.scene: type(self)})
         tree.refuse()
         return cast("Self", found)
