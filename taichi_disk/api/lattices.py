@@ -127,7 +127,7 @@ def statistics_of(values: list[float]) -> dict[str, Any]:
     mean = float(np.mean(values))
     deviation = float(np.std(values, ddof=1))
     error = deviation / len(values) ** 0.5
-    half_width = half_width_95(error, len(values))
+    half_width = float(half_width_95(error, len(values)))
     return {
         "values": values,
         "mean": mean,
@@ -137,9 +137,9 @@ def statistics_of(values: list[float]) -> dict[str, Any]:
     }
 
 
-def half_width_95(standard_error: float, count: int) -> float:
+def half_width_95(standard_error: Any, count: Any) -> Any:
     """Return half of the width of the 95 % confidence interval of a mean of `count` >=
     2 values by Student's t, which allows for a scatter that few values show badly."""
     from scipy.special import stdtrit
 
-    return float(stdtrit(count - 1, 0.975)) * standard_error
+    return stdtrit(count - 1, 0.975) * standard_error

@@ -249,10 +249,10 @@ def _plain(value: Any, path: Keys, tree: Tree) -> Any:
         value = value.tolist()
     plain = value
     if isinstance(value, Mapping):
-        items = {printable(str(name)): item for name, item in value.items()}
-        plain = {
-            name: _plain(item, (*path, name), tree) for name, item in items.items()
-        }
+        plain = {}
+        for key, item in value.items():
+            name = printable(str(key))
+            plain[name] = _plain(item, (*path, name), tree)
         shown = "a mapping"
     elif isinstance(value, Iterable) and not isinstance(value, (str, bytes)):
         plain = [_plain(item, (*path, str(k)), tree) for k, item in enumerate(value)]

@@ -50,17 +50,16 @@ class Curve:
         return np.nanmean(self.y, 0)
 
     @property
+    def deviation(self) -> Array:
+        """Standard deviations over lattices (points,); NaN for a single lattice."""
+        scatter = np.ma.masked_invalid(self.y).std(axis=0, ddof=1)
+        return scatter.filled(np.nan)
+
+    @property
     def half_widths(self) -> Array:
         """Half the 95 % intervals of the means (points,); NaN for a single lattice."""
-        half_widths = []
-        for numbers in self.y.T:
-            known = numbers[np.isfinite(numbers)]
-            half_width = np.nan
-            if len(known) > 1:
-                error = float(known.std(ddof=1)) / len(known) ** 0.5
-                half_width = half_width_95(error, len(known))
-            half_widths.append(half_width)
-        return np.array(half_widths)
+        count = np.isfinite(self.y).sum(axis=0)
+        return half_width_95(self.deviation / np.sqrt(count), count)
 
     @property
     def lattices(self) -> int:
@@ -70,7 +69,7 @@ class Curve:
         deviation = None
         half_widths = None
         if self.lattices > 1:
-            deviation = _known(np.nanstd(self.y, 0, ddof=1))
+            deviation = _known(self.deviation)
             half_widths = _known(self.half_widths)
         return {
             **self.label,
@@ -254,8 +253,11 @@ def analyse(
     results = [y]
     if diagram.is_of_laws:
         results = list(base.results)
-    measured = [row for row in rows if _is_number(row.get(y))]
-    for values, members in grouped(measured, others).items():
+    groups: dict[tuple[Any, ...], list[Row]] = {}
+    for row in rows:
+        if isinstance(row.get(y), (int, float)):
+            groups.setdefault(tuple(row[name] for name in others), []).append(row)
+    for values, members in groups.items():
         label = dict(zip(others, values, strict=True))
         sound = members
         if diagram.is_of_laws:
@@ -305,10 +307,6 @@ def _is_folded(row: Row) -> bool:
     return FOLDED in row.get("warnings", "")
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float))
-
-
 def _tables(
     rows: Sequence[Row], x: str, seed: str, names: Sequence[str]
 ) -> tuple[Array, dict[str, Array]]:
@@ -356,12 +354,3 @@ def _is_damped(base: Scene, label: dict[str, Any]) -> bool:
             swept[target[1]] = value
     _key, viscosity = replace(base.material, **swept).dashpots
     return viscosity != 0.0
-
-
-def grouped(
-    rows: Sequence[Row], names: Sequence[str]
-) -> dict[tuple[Any, ...], list[Row]]:
-    groups: dict[tuple[Any, ...], list[Row]] = {}
-    for row in rows:
-        groups.setdefault(tuple(row[name] for name in names), []).append(row)
-    return groups

@@ -135,10 +135,6 @@ def _compression_laws(curve: Curve) -> list[tuple[Line, str, str]]:
     ]
 
 
-def _paper_restitution(curve: Curve) -> list[tuple[Line, str, str]]:
-    return [(eq5(curve, 0.973, 0.119), "-.", "paper: d₁ = 0.973, d₂ = 0.119")]
-
-
 SPEED = "impact speed  v/c"
 RESTITUTION = "coefficient of restitution  e"
 # by the kind of scene
@@ -147,7 +143,13 @@ LAYOUTS = {
         "compression  ξ/R", "force  P/(π R E)", _force, "xerr", _compression_laws
     ),
     "exponential_wall": Layout(SPEED, RESTITUTION),
-    "absorbing_wall": Layout(SPEED, RESTITUTION, references=_paper_restitution),
+    "absorbing_wall": Layout(
+        SPEED,
+        RESTITUTION,
+        references=lambda curve: [
+            (eq5(curve, 0.973, 0.119), "-.", "paper: d₁ = 0.973, d₂ = 0.119")
+        ],
+    ),
 }
 
 

@@ -202,7 +202,10 @@ class ImpactScene(DiskScene):
         )
         if shape.is_round and disk.whole and disk.stiffness is None:
             return shape
-        return replace(shape, compliance=max(shape.compliance, _bending(disk, springs)))
+        # A rod, a ring or a soft core bend more easily than a disk.
+        k = disk.stiffened(springs.k_a)
+        bending = bending_compliance(network_stiffness(disk.positions, disk.bonds, k))
+        return replace(shape, compliance=max(shape.compliance, bending))
 
     def _placed(self, body: Lattice, shape: Shape) -> tuple[float, Lattice]:
         """Return the distance of the lowest point from the wall [R], and `body` with
@@ -258,14 +261,6 @@ class ImpactScene(DiskScene):
         # 1 for the flight to the wall, 1/0.05 = 20 for the flight away, 1 in reserve
         flight_times = 22.0 * (gap + shape.outline_depth) / velocity
         return float(flight_times + 10.0 * contact_time)
-
-
-def _bending(disk: Lattice, springs: Springs) -> float:
-    """Return the compliance of a rod, a ring or a soft core, which bend more easily
-    than a disk [R^2/(M c^2)]."""
-    return bending_compliance(
-        network_stiffness(disk.positions, disk.bonds, disk.stiffened(springs.k_a))
-    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
