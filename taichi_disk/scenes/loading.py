@@ -100,8 +100,10 @@ def quasistatic(scenario: Any, loads: int, progress: Progress) -> Outcome:
     summary = summary_of(scenario, columns, warnings) | {
         "steps": rest.iterations,
         "integrator": "newton",
+        "error_estimate": {},
+        "residual": rest.residual,
+        "roll": rest.roll,
     }
-    summary |= {"error_estimate": {}, "residual": rest.residual, "roll": rest.roll}
     _, forces = model.wall.contact_forces(lattice, rest.positions)
     return Outcome(
         scenario=scenario,
