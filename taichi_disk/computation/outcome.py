@@ -192,9 +192,7 @@ def summary_of(
     """Return results, their definitions, `warnings`, and the number of inverted
     triangles."""
     numbers = scenario.result(columns)
-    known = {*numbers}
-    if scenario.is_thrown:
-        known.add("vibration_left")
+    known = {*numbers, "vibration_left"}
     measured = {
         name: note for name, note in scenario.words.measured.items() if name in known
     }

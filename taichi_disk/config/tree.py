@@ -389,8 +389,11 @@ def _parents(
     if name != "sweep" or not isinstance(content, list):
         tree.fault(mark, (), f"{name} is not a section")
         return []
-    blocks = [((name, str(k)), block) for k, block in enumerate(content)]
-    return [(place, block) for place, block in blocks if isinstance(block, dict)]
+    return [
+        ((name, str(k)), block)
+        for k, block in enumerate(content)
+        if isinstance(block, dict)
+    ]
 
 
 def shipped_scenes() -> dict[str, Path]:

@@ -296,11 +296,11 @@ def _sound(rows: Sequence[Row], x: str) -> list[Row]:
     the axis `x` where most are, so that lattices are complete elsewhere."""
     counts = Counter(row[x] for row in rows)
     folded = Counter(row[x] for row in rows if _is_folded(row))
-    sound = []
-    for row in rows:
-        if 2 * folded[row[x]] < counts[row[x]] and not _is_folded(row):
-            sound.append(row)
-    return sound
+    return [
+        row
+        for row in rows
+        if 2 * folded[row[x]] < counts[row[x]] and not _is_folded(row)
+    ]
 
 
 def _is_folded(row: Row) -> bool:

@@ -191,10 +191,10 @@ def curve_styles(count: int) -> list[dict[str, Any]]:
     """Return colour and marker of each curve. The order of the curves is that of
     lightness."""
     colours = COLOURS(np.linspace(0.0, LIGHTEST, count))
-    styles = []
-    for k, colour in enumerate(colours):
-        styles.append({"color": colour, "marker": MARKERS[k % len(MARKERS)]})
-    return styles
+    return [
+        {"color": colour, "marker": MARKERS[k % len(MARKERS)]}
+        for k, colour in enumerate(colours)
+    ]
 
 
 def _draw_curve(ax: Axes, layout: Layout, curve: Curve, style: dict[str, Any]) -> Any:

@@ -10,7 +10,6 @@ Every combination is one scene. A list of such sections is swept one after the o
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable
 from dataclasses import dataclass
 from math import prod
 from typing import Any, TypeAlias
@@ -195,7 +194,9 @@ def _combine(
         values = {}
         for name, given in block.items():
             # as scenes have them, without duplicates
-            values[name] = _distinct(value_of(scene, name) for scene in of_block)
+            values[name] = tuple(
+                dict.fromkeys(value_of(scene, name) for scene in of_block)
+            )
             if of_block and target_of(kind, name) in of_block[0].unused():
                 what = "has no effect with lattice.file: leave it out"
                 tree.fault(given[0][1].key, ("sweep", name), what)
@@ -203,11 +204,7 @@ def _combine(
         scenes += of_block
     if tree.faults:
         return None
-    return Sweep(tuple(checked_blocks), _distinct(scenes))
-
-
-def _distinct(values: Iterable[Any]) -> tuple[Any, ...]:
-    return tuple(dict.fromkeys(values))
+    return Sweep(tuple(checked_blocks), tuple(dict.fromkeys(scenes)))
 
 
 def _with(
