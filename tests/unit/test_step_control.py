@@ -186,8 +186,8 @@ def test_dashpots_are_solved_for_where_that_costs_less_than_the_steps_that_it_sa
         control = control_of(*settings)
         scenario = control.scenario
         own = control.spectrum
-        implicit = control.limit(TRAPEZOIDAL, scenario.point_force)
-        explicit = control.limit(VV, scenario.point_force)
+        implicit = control.limit(TRAPEZOIDAL)
+        explicit = control.limit(VV)
         assert implicit / explicit == pytest.approx(saved, rel=0.05)
         for points, expected in ((60, few), (1_000_000, many)):
             chosen = StepControl(scenario, replace(own, points=points))
@@ -369,6 +369,6 @@ def until_within_tolerance(driver, shift, offsets, sliding=0.0):
         columns["com_vy"][-1] += off * driver.scenario.speed_before
         columns["sliding"][-1] = sliding
         same = {name: getattr(driver, name) for name in ("scenario", "kernels")}
-        return SimpleNamespace(step=step, columns=columns, has_ended=True, **same)
+        return SimpleNamespace(step=step, columns=columns, failure=None, **same)
 
     return error_estimate.within_tolerance(run(driver.step), run)
