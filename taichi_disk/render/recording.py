@@ -9,7 +9,7 @@ from itertools import chain, islice
 
 import numpy as np
 
-from taichi_disk.computation.contact import greatest_compression
+from taichi_disk.computation.contact import contact_interval, greatest_compression
 from taichi_disk.computation.driver import State
 from taichi_disk.fields import Triangles, at_points
 from taichi_disk.lattice import Array
@@ -20,7 +20,7 @@ from taichi_disk.render.geometry import (
     magnification,
     placed,
 )
-from taichi_disk.render.moments import Run, contact_of
+from taichi_disk.render.moments import Run
 from taichi_disk.render.palette import full_scale, round_near
 from taichi_disk.statics.equilibrium import turned
 
@@ -134,7 +134,7 @@ class Recording:
         self.run = run
         self.times = np.unique(times)
         peak = greatest_compression(run.series)
-        start = min(contact_of(run)[0], peak)
+        start = min(contact_interval(run.series)[0], peak)
         scale_times = self._scale_times(start, peak)
         all_times = np.unique([start, *scale_times, *self.times])
         replay = zip(all_times, flight.frames(all_times), strict=True)

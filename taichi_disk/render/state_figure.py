@@ -22,7 +22,7 @@ from taichi_disk.errors import InputError
 from taichi_disk.fields import QUANTITIES, Triangles, at_points
 from taichi_disk.output.inline import Plot
 from taichi_disk.output.plot import STYLE, matplotlib_style
-from taichi_disk.render.moments import Run, Span, still_cue
+from taichi_disk.render.moments import Run, time_of
 from taichi_disk.render.palette import THEMES, colour_map, map_kind
 from taichi_disk.render.recording import Flight, Recording, Scales
 
@@ -58,8 +58,8 @@ def draw_state(
         raise InputError(
             f"ax: must be axes of Matplotlib, as plt.subplots() returns, not {ax!r:.60}"
         )
-    cue = still_cue(run, Span(at=t))
-    states = Recording(Flight.of(run, 0.0), [cue.t], [video.colour])
+    moment = time_of(t, run.series)
+    states = Recording(Flight.of(run, 0.0), [moment], [video.colour])
     style = STYLE
     if ax is not None:
         style = STYLE | dict.fromkeys(_INKED, ax.xaxis.label.get_color())
@@ -74,7 +74,7 @@ def draw_state(
         _draw(ax, states, video)
         _ARTISTS[ax] = set(ax.get_children()).difference(others)
         name, _, unit = run.scenario.words.time.partition("  ")
-        title = f"{name} = {cue.t:.4g} {unit.strip('[]')}".strip()
+        title = f"{name} = {moment:.4g} {unit.strip('[]')}".strip()
         ax.set(xlabel="x  [R]", ylabel="y  [R]", title=title)
         whole: Any = ax.figure.figure  # also of a part of a figure
         whole.draw_without_rendering()
