@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 NAME = next((name for name in ("taichi", "taichi_forge") if find_spec(name)), "taichi")
 PACKAGE = NAME.replace("_", "-")
-IS_FORK = NAME != "taichi"
 
 
 def __getattr__(name: str) -> Any:

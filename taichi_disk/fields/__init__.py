@@ -133,7 +133,7 @@ def field(
         compute = own_values
     values = compute(name, Triangles(lattice), springs, x, v)
     if name == "fringes":
-        values = fringes(0.5 * values)
+        values = fringes(values)
     return Field(values, place, kind.unit)
 
 
@@ -153,11 +153,9 @@ def own_values(
         return springs.strain(lattice, x)
     if name == "force":
         return springs.tension(lattice, x)
-    n = lattice.disk_points
-    masses = lattice.masses[:n]
     relative = v.copy()
-    relative[:n] -= masses @ v[:n] / masses.sum()
-    speed = np.hypot(relative[:, 0], relative[:, 1])
+    relative[: lattice.disk_points] -= lattice.mean(v)
+    speed = np.hypot(*relative.T)
     if name == "speed":
         return speed
     return 0.5 * lattice.masses * speed**2
@@ -170,8 +168,7 @@ def at_points(
     between these values.
 
     Triangles around a point are weighted with their areas, springs at a point equally.
-    Shear is computed from the averaged stress. For "fringes" the result is twice the
-    shear, the argument of `fringes`.
+    Shear is computed from the averaged stress.
     """
     if name in _OF_STRESS:
         return _OF_STRESS[name](point_stress(triangles, springs, x))
@@ -185,18 +182,18 @@ def at_points(
     return values
 
 
-def fringes(largest_shear: Array) -> Array:
-    """Return the brightness sin^2(pi * 2 shear/fringe) in a dark-field circular
+def fringes(difference: Array) -> Array:
+    """Return the brightness sin^2(pi difference/fringe) in a dark-field circular
     polariscope.
 
-    `largest_shear` [M c^2/R^2]: maximum shear stress. The fringe, a stress difference,
-    is such that there are FRINGES in all.
+    `difference` [M c^2/R^2]: of the principal stresses, twice the shear. The fringe is
+    such that there are FRINGES in all.
     """
     fringe = 1.0
-    maximum = float(largest_shear.max(initial=0.0))
+    maximum = difference.max(initial=0.0)
     if maximum > STRESS_ROUNDING:
-        fringe = 2.0 * maximum / FRINGES
-    return np.sin(2.0 * np.pi * largest_shear / fringe) ** 2
+        fringe = maximum / FRINGES
+    return np.sin(np.pi * difference / fringe) ** 2
 
 
 # ---- stress

@@ -9,12 +9,7 @@ from pathlib import Path
 
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import NOTICES, InputError
-from taichi_disk.output.files import (
-    atomic_write,
-    check_pictures,
-    holds_working_directory,
-    origin,
-)
+from taichi_disk.output.files import atomic_write, check_pictures, origin
 from taichi_disk.output.panel import PanelScene
 from taichi_disk.progress import Progress
 from taichi_disk.render.artist import Artist
@@ -62,7 +57,7 @@ def check_target(path: Path) -> None:
             " for a folder of numbered pictures"
         )
     if not path.suffix:
-        if holds_working_directory(path):
+        if Path.cwd().is_relative_to(path.resolve()):
             raise InputError(
                 f"cannot film into {path}: pictures would replace the current folder;"
                 " name another"
@@ -160,9 +155,9 @@ def storyboard(
     Raises InputError for an invalid span.
     """
     flights = [Flight.of(run, video.flight) for run in runs]
-    strengths = [1.0] * len(runs)
-    if video.ringing == "auto":
-        strengths = [ringing(run) for run in runs]
+    strengths = [ringing(run) for run in runs]
+    if video.ringing == "none":
+        strengths = [1.0 for _ in runs]
     if frames == 1:
         note = MOMENTS.get(str(span.at), "")
         shots = [Caption(time_of(span.at, runs[0].series), note)]

@@ -88,14 +88,10 @@ class Face(NamedTuple):
     def font(self, text: str) -> ImageFont.FreeTypeFont:
         return _font(_font_file(text, self.bold), self.size)
 
+    # a picture of a film asks for some fifty widths, most of them again
+    @lru_cache(maxsize=4096)  # noqa: B019 (faces live as long as the process)
     def width(self, text: str) -> float:
-        return _width(self, text)
-
-
-# a picture of a film asks for some fifty widths, most of them again
-@lru_cache(maxsize=4096)
-def _width(face: Face, text: str) -> float:
-    return face.font(text).getlength(text)
+        return self.font(text).getlength(text)
 
 
 class Line(NamedTuple):
@@ -161,13 +157,12 @@ class Letters:
         self.text = Face(self.size(_TEXT), ink(colours.ink))
         self.faint = Face(self.size(_TEXT), ink(colours.faint))
         self.small = Face(self.size(_SMALL), ink(colours.ink))
-        self.has_words = height >= _LABELLED
         self.footer = 0
-        if self.has_words:
+        if height >= _LABELLED:
             bar = (BAR_BELOW + BAR_HEIGHT) * self.unit
             self.footer = even(bar + 3.9 * self.small.size)
-        if self.has_words and are_few:
-            self.footer = even(_FEW_BELOW * self.small.size)
+            if are_few:
+                self.footer = even(_FEW_BELOW * self.small.size)
 
     def smaller(self, part: float) -> Letters:
         return Letters(self.height, part * self._factor, self._theme, self.are_few)

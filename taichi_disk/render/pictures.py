@@ -71,13 +71,12 @@ def arranged(
     bottom = float(height - letters.footer)
     beside = _MARGIN * letters.unit
     most = max(len(one.title.parameters) for one in disks)
-    trials = [(True, count) for count in range(most, -1, -1)]
+    counts: list[int | None] = [*range(most, -1, -1)]
     if not any(one.painter.has_elastic_wall for one in disks):
-        trials.insert(0, (False, most))
-    for is_band, count in trials:
+        counts.insert(0, None)
+    for count in counts:
         legends = [
-            legend(letters, width, one.title, one.captions, is_band, count)
-            for one in disks
+            legend(letters, width, one.title, one.captions, count) for one in disks
         ]
         header = max(one.header for one in legends)
         camera = Camera.fit(

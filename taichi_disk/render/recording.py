@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice
+from typing import Any
 
 import numpy as np
 
@@ -129,8 +130,7 @@ class Recording:
         run = flight.run
         scenario = run.scenario
         lattice = scenario.lattice
-        wall = scenario.model.wall
-        assert wall is not None  # every scene has one
+        wall: Any = scenario.model.wall  # every scene has one
         self.run = run
         self.times = np.unique(times)
         peak = greatest_compression(run.series)

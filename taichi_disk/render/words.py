@@ -49,7 +49,7 @@ _GAP = 0.5  # least distance of two words, in units of the size of their letters
 
 def caption_lines(letters: Letters, caption: Caption, width: int) -> list[Line]:
     """Return the changing words at the upper right of a picture of `width` [px]."""
-    if not letters.has_words:
+    if not letters.footer:
         return []
     first, *others = caption.lines
     words = [(first, letters.small)]
@@ -65,7 +65,7 @@ def caption_lines(letters: Letters, caption: Caption, width: int) -> list[Line]:
 def remark_lines(letters: Letters, caption: Caption, width: int) -> list[Line]:
     """Return the remarks of a caption, above the scales at the right of a picture of
     `width` [px]."""
-    if not letters.has_words:
+    if not letters.footer:
         return []
     face = letters.small
     texts = caption.remarks[:2]
@@ -126,12 +126,11 @@ def legend(
     width: int,
     title: Title,
     captions: Sequence[Caption],
-    is_band: bool,
-    count: int,
+    count: int | None,
 ) -> Legend:
-    """Set the words of a picture of `width` [px] in its corners, or in a band above the
-    disk. `count`: number of parameters that are shown."""
-    if not letters.has_words:
+    """Set the words of a picture of `width` [px] in a band above the disk, with `count`
+    parameters; None: in its corners, with all of them."""
+    if not letters.footer:
         return Legend()
     changing: list[Line] = []
     for one in samples(captions):
@@ -143,14 +142,14 @@ def legend(
     heading = letters.heading._replace(size=max(size, LEAST))
     words = _wrapped(title.heading.split(), " ", heading, room)
     parts = list(title.parameters[:count])
-    if is_band:
+    if count is not None:
         words += _wrapped([*parts, *title.remarks], "    ", letters.faint, room)
     else:
         words += [(part, letters.faint) for part in parts]
     lines = letters.stacked(words, letters.margin)
     lines = [line for line in lines if line.face.width(line.text) <= room]
     above = [*lines, *changing]
-    if not is_band:
+    if count is None:
         above = [line for line in lines if line.face.bold]
         if title.remarks:
             face = letters.small._replace(ink=letters.faint.ink)
@@ -239,7 +238,7 @@ class Scales:
         bar_width = max(min(_BAR_WIDTH * width, room), _MIN_BAR_WIDTH * width)
         self._bar_width = round(bar_width)
         self._left = (width - self._bar_width) // 2
-        if letters.has_words and not letters.are_few:
+        if letters.footer and not letters.are_few:
             self._add_colours()
             self._add_force(scale)
             self._add_ends()
@@ -332,7 +331,7 @@ class Scales:
         theme = THEMES[self._painter.theme]
         top = len(picture) - letters.footer
         ground = theme.ground if self._painter.has_elastic_wall else theme.wall
-        if letters.has_words:
+        if letters.footer:
             picture[top:, : self._width, :3] = ink(ground)
             if not letters.are_few:
                 self._draw_bar(picture[top + self._top :])
