@@ -173,8 +173,8 @@ def at_points(
     if name in _OF_STRESS:
         return _OF_STRESS[name](point_stress(triangles, springs, x))
     if name == "rate":
-        rates = triangles.around(triangles.area_rates(x, v))
-        return -rates / triangles.around(triangles.areas(x))
+        rates = triangles.around @ triangles.area_rates(x, v)
+        return -rates / (triangles.around @ triangles.areas(x))
     values = own_values(name, triangles, springs, x, v)
     if QUANTITIES[name].on == "springs":
         ends = triangles.lattice.bonds.ravel()
@@ -211,6 +211,7 @@ class Triangles:
         interfaces: (k, 2) int32 sides between materials of different stiffness; empty
             beyond MAX_MATERIALS.
         carried: sparse matrix (t, m) that sums what springs carry over a triangle.
+        around: sparse matrix (n, t) that sums over the triangles around a point.
     """
 
     def __init__(self, lattice: Lattice) -> None:
@@ -234,19 +235,19 @@ class Triangles:
         # not imported where pictures are only finished
         from scipy.sparse import csr_array, identity
 
-        # Three matrices for sums: `carried` over the springs of a triangle, `_around`
+        # Three matrices for sums: `carried` over the springs of a triangle, `around`
         # over the triangles around a point, `_neighbours` over a point and its
         # neighbours.
         owner = np.repeat(np.arange(t), 3)  # the triangle of each side
         ones = np.ones(3 * t)
-        self._around = csr_array((ones, (self.triangles.ravel(), owner)), (n, t))
+        self.around = csr_array((ones, (self.triangles.ravel(), owner)), (n, t))
         self.carried = csr_array((self.fraction[spring], (owner, spring)), (t, m))
         if len(self.crossing):
             point = self.crossing.ravel()
             column = np.repeat(np.flatnonzero(count == 0), 2)
-            fraction = 0.5 / self._around.sum(axis=1)[point]
+            fraction = 0.5 / self.around.sum(axis=1)[point]
             at_ends = csr_array((fraction, (point, column)), (n, m))
-            self.carried = csr_array(self.carried + self._around.T @ at_ends)
+            self.carried = csr_array(self.carried + self.around.T @ at_ends)
         pairs = csr_array((np.ones(m), lattice.bonds.T), (n, n))
         self._neighbours = csr_array(pairs + pairs.T + identity(n))
 
@@ -303,11 +304,6 @@ class Triangles:
         virials[:, 2] = pull_x * ry
         return virials
 
-    def around(self, integrals: Array) -> Array:
-        """Return the sums (n, ...) of `integrals` (t, ...) over the triangles around
-        each point."""
-        return self._around @ integrals
-
     def smoothed(self, values: Array, passes: int) -> Array:
         """Replace point values (n, k) by the mean of the point and its neighbours,
         `passes` times."""
@@ -328,8 +324,8 @@ def point_stress(triangles: Triangles, springs: Springs, x: Array) -> Array:
     """Return the stress at the points (n, 3): the area-weighted mean over the triangles
     around each."""
     integrals = triangles.carried @ triangles.virials(springs, x)
-    areas = triangles.around(triangles.areas(x))
-    return triangles.around(integrals) / areas[:, None]
+    areas = triangles.around @ triangles.areas(x)
+    return triangles.around @ integrals / areas[:, None]
 
 
 def smooth_stress(triangles: Triangles, springs: Springs, x: Array) -> Array:

@@ -315,8 +315,6 @@ class Painter:
         points, forces = self.wall.contact_forces(self.lattice, x, v, self.springs)
         forces = forces / self.full_force
         strong = np.hypot(*forces.T) > _WEAK
-        if not strong.any():
-            return forces[:0], forces[:0]
         feet = placed[points[strong]]
         forces = forces[strong]
         chain = np.zeros((1, 2))

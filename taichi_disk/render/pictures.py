@@ -132,8 +132,8 @@ class Pictures:
         disks: Sequence[Disk],
         letters: Letters,
         view: View,
-        supersample: float = 1.0,
-        panel: PanelScene | None = None,
+        supersample: float,
+        panel: PanelScene | None,
     ) -> None:
         """
         Args:

@@ -135,7 +135,8 @@ class Recording:
         self.times = np.unique(times)
         peak = greatest_compression(run.series)
         start = min(contact_interval(run.series)[0], peak)
-        scale_times = self._scale_times(start, peak)
+        count = _SCALE_TIMES if len(self.times) > 1 else 1
+        scale_times = np.union1d(self.times[0], np.linspace(peak, start, count))
         all_times = np.unique([start, *scale_times, *self.times])
         replay = zip(all_times, flight.frames(all_times), strict=True)
         early = list(islice(replay, int((all_times <= scale_times[-1]).sum())))
@@ -163,15 +164,6 @@ class Recording:
                 factors = [_LARGER * ringing, -_LARGER * ringing]  # half a period later
             self._outer += [(end, factor) for factor in factors]
 
-    def _scale_times(self, start: float, peak: float) -> Array:
-        """Return the times from the `start` of the contact to its `peak`, if there is
-        more than one picture, and that of the first picture."""
-        first = self.times[0]
-        if len(self.times) == 1:
-            return np.union1d(first, peak)
-        contact = np.linspace(start, peak, _SCALE_TIMES)
-        return np.union1d(first, contact)
-
     def _end_positions(self) -> Array:
         """Return approximate positions at the end of the film: after the end of the
         run, the disk moves on without changing its shape."""
@@ -187,11 +179,10 @@ class Recording:
         springs = scenario.model.springs
         n = scenario.lattice.disk_points
         triangles = Triangles(scenario.lattice)
-        limits = dict.fromkeys(quantities, 0.0)
-        for _, x, v in states:
-            for name in quantities:
-                values = at_points(name, triangles, springs, x, v)[:n]
-                limits[name] = max(limits[name], full_scale(values, name))
+        limits = {}
+        for name in quantities:
+            values = [at_points(name, triangles, springs, x, v) for _, x, v in states]
+            limits[name] = max(full_scale(one[:n], name) for one in values)
         return limits
 
     def outer_positions(self, magnify: float) -> list[Array]:

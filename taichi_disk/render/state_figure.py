@@ -24,7 +24,7 @@ from taichi_disk.output.inline import Plot
 from taichi_disk.output.plot import STYLE, matplotlib_style
 from taichi_disk.render.moments import Run, time_of
 from taichi_disk.render.palette import THEMES, colour_map, map_kind
-from taichi_disk.render.recording import Flight, Recording, Scales
+from taichi_disk.render.recording import Flight, Recording
 
 # widths of lines [points]
 _SPRINGS: dict[str, Any] = {"linewidth": 0.3, "alpha": 0.25}
@@ -101,7 +101,7 @@ def _draw(axes: Any, states: Recording, video: VideoSection) -> None:
         high = max(np.ceil(values.max()), 1.0)
         brightness = np.sin(np.pi * np.linspace(0.0, high, 1000)) ** 2
         colours = ListedColormap(colours(brightness))
-    xmin, xmax, ymin, ymax = Scales.of([states], 1.0).view
+    xmin, xmax, ymin, ymax = states.view(1.0)
     axes.set(xlim=(xmin, xmax), ylim=(ymin, ymax), aspect="equal")
     axes.set_facecolor(theme.ground)
     field = axes.tripcolor(

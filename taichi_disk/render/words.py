@@ -71,13 +71,12 @@ def remark_lines(letters: Letters, caption: Caption, width: int) -> list[Line]:
     texts = caption.remarks[:2]
     if max(map(face.width, texts), default=0.0) > _MOST_BELOW * width:
         texts = caption.remarks[2:]
-    lowest = letters.height - letters.footer - 0.85 * face.size
-    right = width - letters.margin
-    rows = lowest - LEADING * face.size, lowest
-    return [
-        Line(text, face, right, row, part=1.0)
-        for text, row in zip(texts, rows[-len(texts) :], strict=False)
-    ]
+    row = letters.height - letters.footer - 0.85 * face.size
+    lines: list[Line] = []
+    for text in reversed(texts):
+        lines.insert(0, Line(text, face, width - letters.margin, row, part=1.0))
+        row -= LEADING * face.size
+    return lines
 
 
 def samples(captions: Sequence[Caption]) -> list[Caption]:
