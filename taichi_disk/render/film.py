@@ -116,7 +116,7 @@ def draw_film(
     panel = None
     has_room = size >= max(_MIN_PANEL_SIZE, _MIN_PANEL_LINES * letters.text.size)
     if video.panel and len(runs) == 1 and has_room:
-        panel = panel_scene(runs[0], letters, video.theme)
+        panel = panel_scene(runs[0], letters)
     progress("render", 0, len(words[0]))
 
     def write(new: Path) -> None:

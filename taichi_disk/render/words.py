@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -96,7 +96,7 @@ def fitting_letters(
         for one in samples(captions):
             for line in caption_lines(letters, one, width):
                 most = min(most, _MOST_BESIDE * width / (line.x - line.left))
-    return letters.smaller(most)
+    return replace(letters, factor=most * letters.factor)
 
 
 @dataclass(frozen=True)
@@ -250,14 +250,13 @@ class Scales:
         left, right, _, _ = line.box
         margin = 0.5 * self._letters.margin
         gap = _GAP * line.face.size
-        if left < margin or right > self._width - margin:
-            return []
-        for other in self.lines:
-            first, last, _, _ = other.box
-            is_beside = right + gap < first or last + gap < left
-            if other.baseline == row and not is_beside:
-                return []
-        return [line]
+        others = [other.box for other in self.lines if other.baseline == row]
+        is_free = all(
+            right + gap < first or last + gap < left for first, last, _, _ in others
+        )
+        if is_free and margin <= left and right <= self._width - margin:
+            return [line]
+        return []
 
     def _add(self, text: str, x: float, row: float, part: float = 0.0) -> bool:
         """Add a text if its place is free, and return whether it is."""
@@ -330,13 +329,12 @@ class Scales:
         theme = THEMES[self._painter.theme]
         top = len(picture) - letters.footer
         ground = theme.ground if self._painter.has_elastic_wall else theme.wall
-        if letters.footer:
-            picture[top:, : self._width, :3] = ink(ground)
-            if not letters.are_few:
-                self._draw_bar(picture[top + self._top :])
-            if self._tip > letters.margin:
-                row = top + self._top + self._bar_height / 2
-                self._draw_arrow(image, row, ink(ground))
+        picture[top:, : self._width, :3] = ink(ground)
+        if not letters.are_few:
+            self._draw_bar(picture[top + self._top :])
+        if self._tip > letters.margin:
+            row = top + self._top + self._bar_height / 2
+            self._draw_arrow(image, row, ink(ground))
         for line in self.lines:
             line.draw(draw, 0.0, top)
 

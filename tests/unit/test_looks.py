@@ -472,7 +472,7 @@ def test_plots(name, record):
 )
 def test_panels_beside_films(name, height, factor, theme, monkeypatch, record):
     figures = seen(monkeypatch)
-    scene = panel_scene(invented(*RUNS[name]), Letters(height, factor), theme)
+    scene = panel_scene(invented(*RUNS[name]), Letters(height, factor, theme))
     drawn = draw_panel(scene)
     record(f"panel_{name}", [*of_figure(figures[0]), f"{drawn.boxes}"])
 

@@ -8,8 +8,8 @@ NAME_vert.spv`.
 from __future__ import annotations
 
 import shutil
-from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from taichi_disk import engine
 
@@ -23,11 +23,9 @@ def fit_engine() -> bool:
     return engine.versions() == FITTING
 
 
-def copy_into(folder: Path) -> None:
-    """Copy the engine's shaders into a new `folder`, with ours in place of two of
-    them."""
-    spec = find_spec(engine.NAME)
-    assert spec and spec.origin
-    shutil.copytree(Path(spec.origin).with_name("shaders"), folder)
+def copy_into(folder: Path, ti: Any) -> None:
+    """Copy the shaders of the engine `ti` into a new `folder`, with ours in place of
+    two of them."""
+    shutil.copytree(Path(ti.__file__).with_name("shaders"), folder)
     for path in Path(__file__).parent.glob("*.spv"):
         shutil.copyfile(path, folder / path.name)
