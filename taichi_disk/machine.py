@@ -95,9 +95,10 @@ def driver_state() -> str:
     # VkInstanceCreateInfo: its type is 1, and everything else is empty
     settings = (c_uint64 * 8)(1)
     instance = c_void_p()
+    if vulkan.vkCreateInstance(byref(settings), None, byref(instance)) != 0:
+        return "cannot be loaded"
     count = c_uint32()
-    if vulkan.vkCreateInstance(byref(settings), None, byref(instance)) == 0:
-        vulkan.vkEnumeratePhysicalDevices(instance, byref(count), None)
+    vulkan.vkEnumeratePhysicalDevices(instance, byref(count), None)
     if count.value == 0:
         return "has no device"
     return ""

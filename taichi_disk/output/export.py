@@ -11,12 +11,14 @@ from itertools import repeat
 from math import inf
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import yaml
 
+from taichi_disk.computation.driver import State
+from taichi_disk.computation.scenario import Scenario
 from taichi_disk.errors import InputError, install_extra
 from taichi_disk.fields import Triangles, point_stress, pressure, stress
 from taichi_disk.lattice import Array, Lattice
@@ -28,12 +30,8 @@ from taichi_disk.output.files import (
     prepare_output,
     write_text,
 )
-
-if TYPE_CHECKING:
-    from taichi_disk.computation.driver import State
-    from taichi_disk.computation.scenario import Scenario
-    from taichi_disk.physics.model import Model
-    from taichi_disk.scenes.scene import DiskScene
+from taichi_disk.physics.model import Model
+from taichi_disk.scenes.scene import DiskScene
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from taichi_disk.output.panel import PanelPictures, PanelScene, draw_panel
+from taichi_disk.output.panel import PanelPictures, PanelScene, Picture, draw_panel
 from taichi_disk.render.letters import Line
-from taichi_disk.render.marks import Ink, Mark, stamp
-from taichi_disk.render.palette import ink
-from taichi_disk.render.video import Picture, video
+from taichi_disk.render.marks import Mark, stamp
+from taichi_disk.render.palette import Ink, ink
+from taichi_disk.render.video import video
 
 # place of GGUI's image in `Finisher.images`, and the marks above it
 Drawn = tuple[int, list[Mark]]
@@ -112,7 +112,7 @@ def draw_curves(
     """Draw the curves of `scene` into `picture` (height, width, 4): in colour up to `t`
     [R/c], then a line, and grey where they are still to come."""
     left, right, _, _ = drawn.boxes[0]
-    start, *_, end = scene.t
+    start, end = scene.t[[0, -1]]
     column = left + round((right - left - 1) * (t - start) / (end - start))
     past = max(column, 0)
     if column >= right:
@@ -135,7 +135,7 @@ def canvas(picture: Picture) -> tuple[Any, Any]:
     return image, ImageDraw.Draw(image)
 
 
-def shrunk(pixels: NDArray[np.uint8], samples: float) -> NDArray[np.uint8]:
+def shrunk(pixels: Picture, samples: float) -> Picture:
     """Return an image (k, l, 4) that is `samples` times smaller, by averages over the
     area of a pixel."""
     if samples == 1.0:

@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 
 from PIL import ImageFont
 
-from taichi_disk.render.marks import Ink
-from taichi_disk.render.palette import THEMES, ink
+from taichi_disk.render.palette import THEMES, Ink, ink
 
 Box = tuple[float, float, float, float]  # left, right, top and bottom [px]
 

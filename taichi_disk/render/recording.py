@@ -204,8 +204,8 @@ class Recording:
             ymin = self.edge - _WALL_DEPTH
         disk = np.concatenate(self.outer_positions(magnify))
         left, _ = disk.min(axis=0) - _SIDE_MARGIN
-        right, _ = disk.max(axis=0) + _SIDE_MARGIN
-        return min(xmin, left), max(xmax, right), ymin, max(ymax, disk[:, 1].max())
+        right, top = disk.max(axis=0) + [_SIDE_MARGIN, 0.0]
+        return min(xmin, left), max(xmax, right), ymin, max(ymax, top)
 
     def states(self) -> Iterator[State]:
         """Yield the states at `times`. Call it once, because it uses up the replay."""
@@ -235,10 +235,9 @@ class Scales:
         views = np.array([one.view(factor) for one in recordings])
         left, _, low, _ = views.min(axis=0).tolist()
         _, right, _, high = views.max(axis=0).tolist()
-        limits: dict[str, float] = {}
-        for one in recordings:
-            for name, limit in one.limits.items():
-                limits[name] = max(limit, limits.get(name, 0.0))
+        limits = {}
+        for name in recordings[0].limits:
+            limits[name] = max(one.limits[name] for one in recordings)
         return cls(
             magnify=factor,
             limits=limits,

@@ -29,10 +29,10 @@ from taichi_disk.render.letters import (
     Line,
     even,
 )
-from taichi_disk.render.marks import Ink, Mark, arrows, stamp
+from taichi_disk.render.marks import Mark, arrows, stamp
 from taichi_disk.render.moments import Caption
 from taichi_disk.render.painter import ARROW, FORCE_ARROW, Painter
-from taichi_disk.render.palette import THEMES, ink
+from taichi_disk.render.palette import THEMES, Ink, ink
 
 _MOST_BESIDE = 0.5  # largest width of changing words over the picture's
 _MOST_BELOW = 0.36  # that of words below a disk in flight
@@ -80,10 +80,10 @@ def remark_lines(letters: Letters, caption: Caption, width: int) -> list[Line]:
 
 
 def samples(captions: Sequence[Caption]) -> list[Caption]:
-    """Return the first and the last caption, and one of each kind."""
+    """Return the first and the middle caption, and the last of each kind."""
     kinds = {(one.note, one.result): one for one in captions}
     middle = captions[len(captions) // 2]
-    return [captions[0], middle, captions[-1], *kinds.values()]
+    return [captions[0], middle, *kinds.values()]
 
 
 def fitting_letters(

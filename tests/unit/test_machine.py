@@ -79,7 +79,7 @@ def test_an_application_that_contains_python_is_no_python(
 
 @pytest.mark.parametrize(
     ("created", "devices", "state"),
-    [(-9, 0, "has no device"), (0, 0, "has no device"), (0, 1, "")],
+    [(-9, 0, "cannot be loaded"), (0, 0, "has no device"), (0, 1, "")],
 )
 def test_a_vulkan_driver_cannot_be_loaded_or_has_no_device_or_works(
     monkeypatch, created, devices, state
@@ -107,5 +107,5 @@ def test_a_driver_that_fails_is_described_with_what_helps(monkeypatch):
         f" VK_DRIVER_FILES=/icd.d/lvp_icd.json, or after, as root: {machine.REMEDY}"
     )
     found.clear()
-    missing = machine.driver_problem("has no device")
+    missing = machine.driver_problem("cannot be loaded")
     assert missing.startswith("there is no Vulkan driver, so no MP4")
