@@ -211,8 +211,8 @@ class Pictures:
             words += remark_lines(self._letters, caption, width)
             lines += [(line, k * width, 0.0) for line in words]
         below = self._letters.height - self._letters.footer
-        for line in self._scales.pace_lines(captions[0].pace):
-            lines.append((line, 0.0, below))
+        pace = self._scales.pace_lines(captions[0].pace)
+        lines += [(line, 0.0, below) for line in pace]
         return lines
 
     def close(self) -> None:

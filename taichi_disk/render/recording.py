@@ -139,12 +139,10 @@ class Recording:
         scale_times = np.union1d(self.times[0], np.linspace(peak, start, count))
         all_times = np.unique([start, *scale_times, *self.times])
         replay = zip(all_times, flight.frames(all_times), strict=True)
-        early = list(islice(replay, int((all_times <= scale_times[-1]).sum())))
-        self._replay = chain(early, replay)
-        states = {t: state for t, state in early if t in scale_times}
-        compressed = states[peak].positions
-        flying = next(state.positions for t, state in early if t == start)
-        until_peak = [state for t, state in states.items() if t <= peak]
+        early = dict(islice(replay, int((all_times <= scale_times[-1]).sum())))
+        self._replay = chain(early.items(), replay)
+        compressed = early[peak].positions
+        until_peak = [early[t] for t in scale_times if t <= peak]
         self.limits = self._limits(until_peak, quantities)
         _, forces = wall.contact_forces(lattice, compressed)
         self.largest_force = float(np.hypot(*forces.T).max(initial=0.0))
@@ -154,9 +152,9 @@ class Recording:
         if scenario.is_thrown:
             self.full_speed = float(np.hypot(*lattice.mean(scenario.velocities)))
         self.edge = edge_height(wall, self.largest_force)
-        self.flattest = flattening(lattice, compressed, flying)
+        self.flattest = flattening(lattice, compressed, early[start].positions)
         # states that reach farthest, and the factors on their vibration
-        self._outer = [(state.positions, 1.0) for state in states.values()]
+        self._outer = [(early[t].positions, 1.0) for t in scale_times]
         end = self._end_positions()
         if len(self.times) > 1 and end[:, 1].max() < _MAX_HEIGHT:
             factors = [1.0]

@@ -234,8 +234,9 @@ class Scales:
         self._tip = letters.margin  # column of the tip of the arrow [px]
         self.lines: list[Line] = []
         room = width - 2.0 * (letters.margin + _BESIDE_BAR * size)
-        bar_width = max(min(_BAR_WIDTH * width, room), _MIN_BAR_WIDTH * width)
-        self._bar_width = round(bar_width)
+        self._bar_width = round(
+            max(min(_BAR_WIDTH * width, room), _MIN_BAR_WIDTH * width)
+        )
         self._left = (width - self._bar_width) // 2
         if letters.footer and not letters.are_few:
             self._add_colours()
