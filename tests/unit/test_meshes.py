@@ -69,7 +69,7 @@ def test_a_package_that_a_format_needs_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(meshio, "read", read)
     path = tmp_path / "a.med"
     path.write_bytes(b"-")
-    with pytest.raises(InputError, match=r"\(it needs h5py: .* install 'h5py'\): "):
+    with pytest.raises(InputError, match=r"\(it needs h5py: .* install .*'h5py'\): "):
         Lattice.read(path)
 
 
@@ -177,7 +177,7 @@ def test_a_damaged_mesh_is_refused_and_nothing_printed(tmp_path, capfd, name, co
 def test_without_meshio_the_message_says_how_to_install_it(tmp_path, monkeypatch):
     path = write(tmp_path / "a.vtu", solid(DISK.positions), ("line", [[0, 1]]))
     monkeypatch.setitem(sys.modules, "meshio", None)
-    with pytest.raises(InputError, match=r"pip install '\.\[export\]'"):
+    with pytest.raises(InputError, match=r"pip install .*'\.\[export\]'"):
         Lattice.read(path)
 
 
