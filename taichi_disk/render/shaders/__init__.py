@@ -13,14 +13,12 @@ from typing import Any
 
 from taichi_disk import engine
 
-# whose shaders ours replace; those of another version may have another interface, and a
-# pipeline that does not fit aborts the process
-FITTING = {"taichi": "1.7.4"}
-
 
 def fit_engine() -> bool:
-    """Return whether the engine is the one whose shaders ours replace."""
-    return engine.versions() == FITTING
+    """Return whether the engine is the one whose shaders ours replace. Those of another
+    version may have another interface, and a pipeline that does not fit aborts the
+    process."""
+    return engine.versions() == engine.WITH_KNOWN_SHADERS
 
 
 def copy_into(folder: Path, ti: Any) -> None:
