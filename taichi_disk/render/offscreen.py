@@ -29,7 +29,7 @@ class Window(ti.ui.Window):
         if self.is_soft:
             # GGUI reads a shader when it is first used, so the folder stays.
             options = _PLACE, False, False, _MAX_RATE, self._folder.name
-            shaders.copy_into(Path(self._folder.name, "shaders"), ti)
+            shaders.copy_into(Path(self._folder.name, "shaders"))
             self.window = internals.native_window(ti, TITLE, size, *options)
         else:
             super().__init__(TITLE, size, show_window=False, fps_limit=_MAX_RATE)

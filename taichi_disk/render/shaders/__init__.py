@@ -8,8 +8,8 @@ NAME_vert.spv`.
 from __future__ import annotations
 
 import shutil
+from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 from taichi_disk import engine
 
@@ -21,9 +21,9 @@ def fit_engine() -> bool:
     return engine.versions() == engine.WITH_KNOWN_SHADERS
 
 
-def copy_into(folder: Path, ti: Any) -> None:
-    """Copy the shaders of the engine `ti` into a new `folder`, with ours in place of
-    two of them."""
-    shutil.copytree(Path(ti.__file__).with_name("shaders"), folder)
+def copy_into(folder: Path) -> None:
+    """Copy the engine's shaders into a new `folder`, with ours in place of two of
+    them."""
+    shutil.copytree(str(files(engine.NAME) / "shaders"), folder)
     for path in Path(__file__).parent.glob("*.spv"):
         shutil.copyfile(path, folder / path.name)
