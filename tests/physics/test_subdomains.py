@@ -145,5 +145,3 @@ def test_subdomains_on_any_number_of_cores_move_as_one_core_without_them_does(na
     again = Simulation(cut.lattice, *body(name)[1:], cut.cache)
     assert again.program is cut.program
     assert steps(again)[1] == bits
-    for simulation in (serial, cut):
-        simulation.program.destroy()
