@@ -371,9 +371,7 @@ export class Drawing {
     if (!surface.length) {
       const [left, low] = this.toWorld(-this.width, this.height);
       const [right] = this.toWorld(2 * this.width, 0);
-      const leftEnd = [left, 0];
-      const rightEnd = [right, 0];
-      chain = [leftEnd, rightEnd];
+      chain = [left, right].map((end) => [end, 0]);
       bottom = Math.min(low, 0) - 1;
     }
     for (const [px, py] of chain) path.lineTo(...this.toScreen(px, py + height));

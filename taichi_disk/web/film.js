@@ -3,7 +3,7 @@
 import { Controls } from "./controls.js";
 import { Drawing, bytes, decoded } from "./draw.js";
 import { followPointers } from "./gestures.js";
-import { checked, element, elements, inks } from "./html.js";
+import { checked, element, elements, inks, parsed } from "./html.js";
 import { FONT, arrow, label, line, roundAbove, roundBelow } from "./legend.js";
 import { Throws } from "./throws.js";
 
@@ -122,11 +122,10 @@ class Pane extends Drawing {
 }
 
 // Return a short line with the dash of a run.
-function stroke(dash) {
-  const made = element("template");
-  made.innerHTML = `<svg width="30" height="8"><path d="M1 4H29" fill="none" stroke="currentColor" stroke-width="2" stroke-dasharray="${dash}"/></svg>`;
-  return made.content;
-}
+const stroke = (dash) =>
+  parsed(
+    `<svg width="30" height="8"><path d="M1 4H29" fill="none" stroke="currentColor" stroke-width="2" stroke-dasharray="${dash}"/></svg>`,
+  );
 
 // Curves of the velocity, the force and the energies over time, grey where they are still to come.
 // Those of each run have a dash of its own.

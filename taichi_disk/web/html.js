@@ -6,6 +6,9 @@ export function element(tag, properties = {}, ...children) {
   return made;
 }
 
+// Return the element that a text of HTML describes.
+export const parsed = (text) => element("template", { innerHTML: text }).content.firstChild;
+
 // Return a style that gives an element a colour on a light and one on a dark ground, which CSS calls
 // `--curve`.
 export const inks = (light, dark) => `--light: ${light}; --dark: ${dark}`;
