@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import struct
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -55,7 +54,6 @@ _COMMANDS = {
 _REPLACED = ("set", "scrub", "turn", "aim", "pull")
 # points; a larger lattice takes longer to build than a picture may take
 LARGE_LATTICE = 5000
-HEADER = struct.Struct("<IdIIiI2f")  # see `Session._state`
 PAST_HINT = "earlier state: Go on continues from here"
 
 
@@ -236,13 +234,13 @@ class Session:
         }
 
     def _state(self) -> bytes:
-        """Return the binary message of a picture, little-endian.
+        """Return the binary message of a picture: little-endian float32, and the
+        caption in UTF-8.
 
-        HEADER holds the number, t since the hit began [R/c], points, forces, the point
-        that the mouse pulls (-1: none), values, the value of full colour and the force
-        of the longest arrow [M c^2/R]. Observables (INDEX), graph values (CURVES),
-        positions (2n), values and forces (3k) follow as float32, and the caption in
-        UTF-8.
+        At first stand the number, t since the hit began [R/c], points, forces, the
+        point that the mouse pulls (-1: none), values, the value of full colour and the
+        force of the longest arrow [M c^2/R]. Observables (INDEX), graph values
+        (CURVES), positions (2n), values and forces (3k) follow.
         """
         sandbox = self.sandbox
         state = sandbox.time.display
@@ -259,7 +257,7 @@ class Session:
         scales.update(values[: lattice.disk_points], forces, video.colour)
         pulled = sandbox.grip[0] if sandbox.grip else -1
         t = state.t - state.segment.hit_began
-        header = HEADER.pack(
+        header = [
             self.number,
             t,
             len(x),
@@ -268,11 +266,11 @@ class Session:
             len(values),
             scales.colour,
             scales.force,
-        )
+        ]
         curves = self.graphs.values(state.row[None])[0]
-        parts = [state.row, curves, x.ravel(), values, forces.ravel()]
+        parts = [header, state.row, curves, x.ravel(), values, forces.ravel()]
         floats = np.concatenate(parts).astype("<f4")
-        return header + floats.tobytes() + self._caption(t).encode()
+        return floats.tobytes() + self._caption(t).encode()
 
     def _caption(self, t: float) -> str:
         """Return the lines of the read-out: at first the time, at the end the result,

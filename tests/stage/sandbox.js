@@ -105,19 +105,9 @@ function stateOf(more) {
   const colours = values ?? x.slice(0, x.length / 2).map((value, k) => 0.01 * (k - 3));
   const row = [...centre, ...velocity, centre[1] - 0.9];
   const words = new TextEncoder().encode(caption);
-  const floats = [...row, ...graph, ...x, ...colours, ...forces];
-  const view = new DataView(new ArrayBuffer(36 + 4 * floats.length + words.length));
-  view.setUint32(0, number, true);
-  view.setFloat64(4, t, true);
-  view.setUint32(12, x.length / 2, true);
-  view.setUint32(16, forces.length / 3, true);
-  view.setInt32(20, pulled, true);
-  view.setUint32(24, colours.length, true);
-  view.setFloat32(28, 0.05, true);
-  view.setFloat32(32, 0.02, true);
-  floats.forEach((value, k) => view.setFloat32(36 + 4 * k, value, true));
-  new Uint8Array(view.buffer).set(words, 36 + 4 * floats.length);
-  return view.buffer;
+  const head = [number, t, x.length / 2, forces.length / 3, pulled, colours.length, 0.05, 0.02];
+  const floats = Float32Array.from([...head, ...row, ...graph, ...x, ...colours, ...forces]);
+  return Uint8Array.from([...new Uint8Array(floats.buffer), ...words]).buffer;
 }
 
 let panel = PANEL;
