@@ -90,12 +90,10 @@ class Recording {
   // Set the values of the coloured quantity.
   colour(mixed, quantity) {
     const { points } = this.run.scene;
-    const { range, signed } = this.run.limits[quantity];
-    const zero = signed ? 127 : 0;
-    const levels = signed ? 127 : 255;
+    const { unit, zero } = this.run.limits[quantity];
     const codes = this.codes[quantity];
     for (let i = 0; i < points; i++) {
-      this.values[i] = (range * (mixed(codes, points, i) - zero)) / levels;
+      this.values[i] = unit * (mixed(codes, points, i) - zero);
     }
   }
 }

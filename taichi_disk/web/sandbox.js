@@ -5,7 +5,7 @@ import { Controls } from "./controls.js";
 import { Drawing } from "./draw.js";
 import { followPointers, grip } from "./gestures.js";
 import { Graphs, LETTERS } from "./graphs.js";
-import { checked, copy, download, element, elements, inks, recall, remember } from "./html.js";
+import { checked, copy, download, element, elements, inks, store } from "./html.js";
 import { unpacked } from "./message.js";
 import { asText, showDiagram, showResults } from "./results.js";
 import { showScenes } from "./scenes.js";
@@ -52,7 +52,7 @@ export class Sandbox {
   // `node` holds the elements of index.html; `send` takes a command for the program.
   constructor(node, send) {
     this.node = node;
-    this.theme = recall(THEME);
+    this.theme = store[THEME];
     node.dataset.theme = this.theme || (DARK.matches ? "dark" : "light");
     const ui = (this.ui = elements(node));
     this.send = (message) => {
@@ -179,7 +179,7 @@ export class Sandbox {
 
   chooseTheme(theme) {
     this.theme = theme;
-    remember(THEME, theme);
+    store[THEME] = theme;
   }
 
   // Take the theme that the visitor has chosen, or the system's until then.
@@ -318,14 +318,13 @@ export class Sandbox {
     drawing.set({ ...checked(ui.options), arrow, canAim, isAimed, letters: this.letters });
     drawing.draw(state);
     this.node.style.setProperty("--legend", `${drawing.footer}px`);
-    const { theme: name } = drawing.options;
-    const theme = drawing.scene.themes[name];
+    const { theme } = drawing;
     const pulled = 2 * state.pulled;
     if (pulled >= 0 && this.target) {
       const point = [state.x[pulled], state.x[pulled + 1]];
       drawing.drawArrow(point, this.target, theme.accent, theme);
     }
-    this.graphs.draw(state, theme, name, this.letters);
+    this.graphs.draw(state, theme, drawing.options.theme, this.letters);
     if (panel.again < 1) return;
     ui.timeline.max = Math.max(this.graphs.data?.t.at(-1) ?? 1, 1e-3);
     ui.timeline.value = state.t;

@@ -53,8 +53,7 @@ def list_presets(first: Scene | None) -> list[Preset]:
     for group, rows in groups.items():
         for scene, change, name, question, *pace in rows:
             load = partial(load_scene, scene, change.split())
-            options = pace[0] if pace else {}
-            entries.append(Preset(name, question, load, group, **options))
+            entries.append(Preset(name, question, load, group, *pace))
     if first is None:
         return entries
     opened = [entry for entry in entries if entry.load() == first]

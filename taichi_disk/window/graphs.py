@@ -24,7 +24,7 @@ from taichi_disk.simulation.observables import (
 from taichi_disk.window.sandbox import Sandbox, load_key, value_of
 
 MAX_CURVE_POINTS = 400  # most points of a curve
-_STORED = ["elastic", "wall", *of_kind("loss")]
+_ENERGIES = [*of_kind("part"), "elastic", "wall", *of_kind("loss")]
 _LOSSES = [INDEX[name] for name in of_kind("loss")]
 
 
@@ -37,7 +37,7 @@ def _curve(graph: str, name: str, colour: str) -> tuple[str, str, str, str]:
 CURVES = (
     *(
         _curve("energy", BY_NAME[name].label, BY_NAME[name].colour)
-        for name in [*of_kind("part"), *_STORED]
+        for name in _ENERGIES
     ),
     _curve("force", "force of the wall", INK),
     _curve("motion", "motion", VELOCITY),
@@ -81,11 +81,10 @@ class Graphs:
     def values(self, rows: Array) -> Array:
         """Return CURVES (rows, curves) of observables (rows, k): energies [M c^2],
         force [M c^2/R], velocity or ξ."""
-        observables = dict(zip(INDEX, rows.T, strict=True))
-        columns = split(observables, self._inertia)
-        curves = [columns[name] for name in [*of_kind("part"), "elastic", "wall"]]
-        curves += [*(rows[:, _LOSSES] + self._lost_before).T]
-        curves.append(columns["wall_force"])
+        rows = rows.copy()
+        rows[:, _LOSSES] += self._lost_before
+        columns = split(dict(zip(INDEX, rows.T, strict=True)), self._inertia)
+        curves = [columns[name] for name in [*_ENERGIES, "wall_force"]]
         curves.append(self._scenario.momentary_motion(columns))
         return np.stack(curves, axis=1)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from collections import deque
 from collections.abc import Callable
 from time import perf_counter
 from typing import Any
@@ -26,7 +27,9 @@ class Page:
         """`send` sends a text or a state to the page."""
         self._session = session
         self._send = send
-        self._in_flight: list[int] = []  # numbers of states
+        # numbers of the last states that were sent, and of the last that was drawn
+        self._sent = deque([0] * _MAX_IN_FLIGHT, _MAX_IN_FLIGHT)
+        self._seen = 0.0
         self._shown: dict[str, Message] = {}  # the last message of each kind
         self._film: asyncio.Task[None] | None = None
         # the page may have been lost while its user pulled the disk
@@ -45,8 +48,7 @@ class Page:
         if message is None:
             return
         if message["do"] == "seen":
-            number = message["number"]
-            self._in_flight = [one for one in self._in_flight if one > number]
+            self._seen = min(message["number"], self._session.number)
         elif message["do"] == "alive":
             self._tell("alive")  # it has heard nothing for a while
         elif message["do"] == "film":
@@ -61,8 +63,7 @@ class Page:
         while True:
             began = perf_counter()
             news.clear()
-            is_ready = len(self._in_flight) < _MAX_IN_FLIGHT
-            if is_ready and self._show():
+            if self._seen >= self._sent[0] and self._show():
                 await asyncio.sleep(max(began + 1.0 / MAX_RATE - perf_counter(), 0.0))
             else:
                 await news.wait()
@@ -80,7 +81,7 @@ class Page:
         }
         self._shown |= news
         if "state" in news:
-            self._in_flight.append(session.number)
+            self._sent.append(session.number)
         for message in news.values():
             self._send(message)
         return bool(news)

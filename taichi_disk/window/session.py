@@ -359,6 +359,18 @@ class Session:
         return choices
 
 
+# keys of what a small picture of a scene shows
+_SKETCHED = (
+    "wall.a",
+    "wall.boundary",
+    "impact.velocity",
+    "impact.angle",
+    "impact.spin",
+    "impact.turn",
+    "compression.pressure",
+)
+
+
 @cache
 def _card(entry: Preset) -> dict[str, Any]:
     """Return what the page's list shows of a scene; the numbers of its first state, for
@@ -371,9 +383,6 @@ def _card(entry: Preset) -> dict[str, Any]:
     if entry.group:
         scene = entry.load()
         card["kind"] = scene.scene
-        card["hardness"] = scene.wall.a
-        for name in ("velocity", "angle", "spin", "turn"):
-            card[name] = value_of(scene, f"impact.{name}") or 0.0
-        card["load"] = value_of(scene, "compression.pressure") or 0.0
-        card["boundary"] = value_of(scene, "wall.boundary") or ""
+        for key in _SKETCHED:
+            card[key.partition(".")[2]] = value_of(scene, key)
     return card

@@ -11,17 +11,17 @@ const HELLO = {
   ],
   playlist: [
     card({ spin: 0.3 }),
-    card({ name: "Oblique", angle: 0.4, turn: 0.7, hardness: 3000, spin: -0.2 }),
+    card({ name: "Oblique", angle: 0.4, turn: 0.7, a: 3000, spin: -0.2 }),
     card({ name: "Elastic", group: "Walls", kind: "absorbing_wall", boundary: "pinned", velocity: 0.09 }),
     card({ name: "Dashpots", group: "Walls", kind: "absorbing_wall", boundary: "dashpot" }),
-    card({ name: "Load", group: "Loads", kind: "compression", load: 0.01, velocity: 0 }),
+    card({ name: "Load", group: "Loads", kind: "compression", pressure: 0.01, velocity: 0 }),
     { name: "file", question: "From a folder.", group: "Loads" },
   ],
   keys: [["space", "throw"], ["Left Right", "in time"], ["t", "theme"], ["h", "hit"]],
   repeating: ["Left", "e"],
 };
 function card(more) {
-  const numbers = { velocity: 0.04, angle: 0, spin: 0, turn: 0, load: 0, hardness: 300, boundary: "" };
+  const numbers = { velocity: 0.04, angle: 0, spin: 0, turn: 0, pressure: 0, a: 300, boundary: null };
   const words = { name: "Bounce", question: "How high?", group: "", kind: "exponential_wall" };
   return { ...words, ...numbers, ...more };
 }
