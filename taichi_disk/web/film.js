@@ -4,7 +4,7 @@ import { Controls } from "./controls.js";
 import { Drawing, bytes, decoded } from "./draw.js";
 import { followPointers } from "./gestures.js";
 import { checked, element, elements, inks, parsed } from "./html.js";
-import { FONT, arrow, label, line, roundAbove, roundBelow } from "./legend.js";
+import { FONT, arrow, label, line, roundAbove, roundBelow, write } from "./legend.js";
 import { Throws } from "./throws.js";
 
 const VELOCITY_ARROW = 0.7; // length of the arrow of the speed before an impact [R]
@@ -179,19 +179,16 @@ class Curves {
     const height = down - 46;
     const column = (t) => left + (width * (t - first)) / (last - first);
     const row = (value) => top + 24 + ((high - value) / (high - low)) * height;
-    const write = (text, x, y, textAlign) => {
-      Object.assign(ctx, { textAlign, fillStyle: colours.faint });
-      ctx.fillText(text, x, y);
-    };
     ticks.forEach((value, k) => {
       line(ctx, [[left, row(value)], [left + width, row(value)]], colours.rule, 1);
-      write(numbers[k], left - 5, row(value) + 4, "right");
+      write(ctx, numbers[k], left - 5, row(value) + 4, { textAlign: "right", theme: colours });
     });
     const step = roundBelow((last - first) / (width < WIDE ? 1.5 : 2.5));
     const most = step * Math.floor(last / step + 1e-6);
     for (let t = step * Math.ceil(first / step); t <= most * 1.001; t += step) {
-      const text = label(Number(t.toPrecision(6)));
-      write(t > most - step / 2 ? `${text} ${unit}` : text, column(t), top + down - 7, "center");
+      const number = label(Number(t.toPrecision(6)));
+      const text = t > most - step / 2 ? `${number} ${unit}` : number;
+      write(ctx, text, column(t), top + down - 7, { theme: colours });
     }
     Object.assign(ctx, { textAlign: "left", fillStyle: colours.ink });
     const words = [title, title.split(" [")[0], title.split(" ")[0]];

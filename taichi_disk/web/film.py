@@ -133,7 +133,7 @@ def _packed(
             data += bytes(_padding(data))
             places[name] = len(data), array.size
             data += array.tobytes()
-        scene = scene_message(one.run.scenario, video, largest_force=one.largest_force)
+        scene = scene_message(one.run.scenario, video, one.largest_force)
         runs.append(
             {
                 "scene": scene | shared | {"title": title},
@@ -241,7 +241,7 @@ def _recorded(
     for _, x, v in states.states():
         raise_if_interrupted()
         moved.append(x - lattice.positions)
-        forces.append(contact_forces(scenario.model.wall, lattice, springs, x, v))
+        forces.append(contact_forces(scenario, x, v))
         centres.append(lattice.mean(x))
         velocities.append(lattice.mean(v))
         for name, each in values.items():

@@ -240,19 +240,16 @@ export class Sandbox {
     else if (kind === "graphs") this.showGraphs(message);
     else if (kind === "panel") this.showPanel(message);
     else if (kind === "yaml") this.scene = message.text;
-    else if (kind === "film") this.takeFilm(message.page);
+    else if (kind === "film") {
+      this.showFilm(false);
+      if (message.page) download(message.page, "disk.html", "text/html"); // or a message says why not
+    }
   }
 
   showFilm(isAwaited) {
     const button = this.ui["film-page"];
     button.disabled = isAwaited;
     button.textContent = isAwaited ? "The film is made …" : "Film to play with";
-  }
-
-  // Save a film; without one, a message says why.
-  takeFilm(page) {
-    this.showFilm(false);
-    if (page) download(page, "disk.html", "text/html");
   }
 
   showHello({ keys }) {
@@ -265,7 +262,8 @@ export class Sandbox {
 
   showScene(message) {
     this.drawing.setScene(message);
-    for (const id of ["hit", "slow", "arrow"]) this.ui[id].disabled = message.unused.includes(id);
+    const { unused } = message.labels;
+    for (const id of ["hit", "slow", "arrow"]) this.ui[id].disabled = unused.includes(id);
     this.ui.aiming.hidden = this.ui.arrow.disabled;
   }
 

@@ -75,7 +75,6 @@ class Graphs:
             "values": values,
             "motion": self._scenario.words.momentary,
             "flight": "flight" if self._scenario.is_thrown else "motion",
-            "began": began,
         }
 
     def values(self, rows: Array) -> Array:

@@ -8,7 +8,6 @@ import json
 from collections import deque
 from collections.abc import Callable
 from time import perf_counter
-from typing import Any
 
 from taichi_disk.window.controls import described
 from taichi_disk.window.films import make_film
@@ -50,7 +49,8 @@ class Page:
         if message["do"] == "seen":
             self._seen = min(message["number"], self._session.number)
         elif message["do"] == "alive":
-            self._tell("alive")  # it has heard nothing for a while
+            # it has heard nothing for a while
+            self._send(json.dumps({"kind": "alive"}))
         elif message["do"] == "film":
             self._film = self._film or asyncio.create_task(self._save_film())
         else:
@@ -86,10 +86,6 @@ class Page:
             self._send(message)
         return bool(news)
 
-    def _tell(self, kind: str, **content: Any) -> None:
-        """Send a message that is told once."""
-        self._send(json.dumps({"kind": kind} | content))
-
     async def _save_film(self) -> None:
         """Make a film of the present scene and send it, or show why there is none."""
         film = ""
@@ -100,4 +96,4 @@ class Page:
                 return  # the page has left; to stop a film may end in an error
             self._session.tell(described(error))
         self._film = None
-        self._tell("film", page=film)
+        self._send(json.dumps({"kind": "film", "page": film}))

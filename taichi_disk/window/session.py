@@ -104,15 +104,15 @@ class Session:
         self._pending: dict[Any, dict[str, Any]] = {}
         # what the last text of a kind depends on
         self._keys: dict[str, Any] = {}
-        self.messages: dict[str, Any] = {}
         hello = {
+            "kind": "hello",
             "columns": [*INDEX],
             "playlist": [_card(entry) for entry in playlist],
             "curves": CURVES,
             "keys": self.controls.reference,
             "repeating": REPEATING_KEYS,
         }
-        self._write("hello", 0, lambda: hello)
+        self.messages: dict[str, Any] = {"hello": json.dumps(hello)}
         self.advance()
 
     # ---- commands
@@ -229,9 +229,8 @@ class Session:
     def _scene(self) -> dict[str, Any]:
         scenario = self.sandbox.time.display.segment.scenario
         self._triangles = Triangles(scenario.lattice)
-        return scene_message(scenario, self.sandbox.scene.video) | {
-            "start": self.sandbox.starts
-        }
+        video = self.sandbox.scene.video
+        return scene_message(scenario, video, scenario.point_force)
 
     def _state(self) -> bytes:
         """Return the binary message of a picture: little-endian float32, and the
@@ -252,7 +251,7 @@ class Session:
         video = sandbox.scene.video
         of_springs = video.draw == "springs"
         values = colour_values(video.colour, self._triangles, springs, x, v, of_springs)
-        forces = contact_forces(scenario.model.wall, lattice, springs, x, v)
+        forces = contact_forces(scenario, x, v)
         scales = self.scales
         scales.update(values[: lattice.disk_points], forces, video.colour)
         pulled = sandbox.grip[0] if sandbox.grip else -1

@@ -211,8 +211,7 @@ function record() {
       wall: { kind: "elastic", edge: 0.03, decay: 0.02 },
       wall_surface: indices([7, 8, 9]),
       spoke: -1,
-      unused: ["hit", "slow", "arrow"],
-      labels: { drop: "Load", collect: "Collect ξ(P)", curve: "ξ over P" },
+      labels: { drop: "Load", collect: "Collect ξ(P)", curve: "ξ over P", unused: "hit slow arrow" },
     });
     tell({ ...GRAPHS, motion: ["compression ξ", "R"], flight: "motion" });
     show({ atStart: true, number: 3, status: "disturbed", warnings: [], seed: 6, loadRange: [1e-4, 0.05] });
