@@ -354,8 +354,10 @@ class Controls:
     def collect(self) -> None:
         """Collect a curve of results over the range of speeds or loads, or stop
         collecting. Raises TaichiDiskError."""
-        high = RANGES[load_key(self.sandbox.scene)].high
-        loads = np.geomspace(high, high / CURVE_RATIO, CURVE_POINTS)
-        if self.sandbox.remaining_loads:
-            loads = loads[:0]
-        self.sandbox.collect([float(f"{load:.2g}") for load in loads])
+        sandbox = self.sandbox
+        if sandbox.remaining_loads:
+            sandbox.collect([])
+        else:
+            high = RANGES[load_key(sandbox.scene)].high
+            loads = np.geomspace(high, high / CURVE_RATIO, CURVE_POINTS)
+            sandbox.collect([float(f"{load:.2g}") for load in loads])

@@ -28,20 +28,15 @@ _ENERGIES = [*of_kind("part"), "elastic", "wall", *of_kind("loss")]
 _LOSSES = [INDEX[name] for name in of_kind("loss")]
 
 
-def _curve(graph: str, name: str, colour: str) -> tuple[str, str, str, str]:
-    return graph, name, colour, ON_DARK[colour]
-
-
-# Graph and name of each curve, and its colours on a light and on a dark ground, which
-# are those of films. The names "flight" and "motion" depend on the scene.
-CURVES = (
-    *(
-        _curve("energy", BY_NAME[name].label, BY_NAME[name].colour)
-        for name in _ENERGIES
-    ),
-    _curve("force", "force of the wall", INK),
-    _curve("motion", "motion", VELOCITY),
+# Graph and name of each curve, and its colour, which is that of films. The names
+# "flight" and "motion" depend on the scene.
+_ON_LIGHT = (
+    *(("energy", BY_NAME[name].label, BY_NAME[name].colour) for name in _ENERGIES),
+    ("force", "force of the wall", INK),
+    ("motion", "motion", VELOCITY),
 )
+# the same with the colours on a light and on a dark ground
+CURVES = [(graph, name, colour, ON_DARK[colour]) for graph, name, colour in _ON_LIGHT]
 
 
 class Graphs:
