@@ -15,7 +15,6 @@ from taichi_disk.window.session import Session, read_command
 
 Message = str | bytes
 MAX_RATE = 60.0  # pictures per second
-_MAX_IN_FLIGHT = 2  # states that were sent to a page and not yet drawn
 
 
 class Page:
@@ -26,8 +25,8 @@ class Page:
         """`send` sends a text or a state to the page."""
         self._session = session
         self._send = send
-        # numbers of the last states that were sent, and of the last that was drawn
-        self._sent = deque([0] * _MAX_IN_FLIGHT, _MAX_IN_FLIGHT)
+        # numbers of the last two states that were sent, and of the last that was drawn
+        self._sent = deque([0, 0], 2)
         self._seen = 0.0
         self._shown: dict[str, Message] = {}  # the last message of each kind
         self._film: asyncio.Task[None] | None = None
