@@ -230,11 +230,11 @@ class Controls:
         """Let each of `keys` call `act` with the value at its place in `values`; a
         single key needs no value."""
         self.reference.append((keys, meaning))
-        each: list[tuple[Any, ...]] = [(value,) for value in values] or [()]
-        self.actions |= {
-            key: partial(act, *value)
-            for key, value in zip(keys.split(), each, strict=True)
-        }
+        if not values:
+            self.actions[keys] = act
+            return
+        for key, value in zip(keys.split(), values, strict=True):
+            self.actions[key] = partial(act, value)
 
     def press(self, key: str) -> None:
         """Do the action of a key; an unknown key does nothing."""

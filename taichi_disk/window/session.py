@@ -293,6 +293,7 @@ class Session:
         controls = self.controls
         entry = controls.playlist[controls.number]
         words = sandbox.time.display.segment.scenario.words
+        load = RANGES[load_key(sandbox.scene)]
         return {
             "message": sandbox.message or self.scales.note,
             "refusals": controls.refusals,
@@ -314,7 +315,7 @@ class Session:
             "collecting": len(sandbox.remaining_loads),
             "results": [one._asdict() for one in sandbox.results],
             "again": self._recomputed(),
-            "loadRange": self._load_range(),
+            "loadRange": (load.low, load.high),
         }
 
     def _recomputed(self) -> float:
@@ -324,11 +325,6 @@ class Session:
         if time.lead <= 0.0:
             return 1.0
         return round(time.segment.now / time.display.t, 2)
-
-    def _load_range(self) -> tuple[float, float]:
-        """Return the ends of the slider of the speed or load."""
-        usual = RANGES[load_key(self.sandbox.scene)]
-        return usual.low, usual.high
 
     def _sliders(self) -> list[dict[str, Any]]:
         """Return the sliders of the scene.
