@@ -87,7 +87,9 @@ def _is_close(new, old):
     if NUMBER.sub(_form, new) != NUMBER.sub(_form, old):
         return False
     pairs = zip(NUMBER.findall(new), NUMBER.findall(old), strict=True)
-    return all(abs(float(a) - float(b)) <= _allowed(b) for a, b in pairs)
+    return all(
+        abs(float(a) - float(b)) <= min(_allowed(a), _allowed(b)) for a, b in pairs
+    )
 
 
 def _form(number):

@@ -3,7 +3,6 @@ solution."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil
 from time import perf_counter
@@ -14,11 +13,12 @@ import numpy as np
 from taichi_disk.computation.diagnostics import relative_imbalance
 from taichi_disk.computation.outcome import Outcome
 from taichi_disk.computation.scenario import Scenario
-from taichi_disk.computation.stability import Spectrum, step_limit
+from taichi_disk.computation.stability import spectrum, step_limit
 from taichi_disk.errors import SimulationError
 from taichi_disk.integrators import INTEGRATORS, Integrator
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
+from taichi_disk.progress import Progress
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.observables import as_columns
 from taichi_disk.simulation.simulation import shared_kernels
@@ -53,11 +53,9 @@ class StepStudy:
     """Runs of one scenario with several integrators and steps, which all end at the
     time at which `outcome` ends."""
 
-    def __init__(
-        self, scenario: Scenario, spectrum: Spectrum, outcome: Outcome
-    ) -> None:
+    def __init__(self, scenario: Scenario, outcome: Outcome) -> None:
         self.scenario = scenario
-        self.spectrum = spectrum
+        self.spectrum = spectrum(scenario.lattice, scenario.model)
         model = scenario.model
         self.end = float(outcome.series["t"][-1])
         if model.reset_interval:
@@ -88,12 +86,14 @@ class StepStudy:
         interval = self.scenario.model.reset_interval or self.end
         return round(self.end / interval) * ceil(interval / longest)
 
-    def measure(self, done: Callable[[int], object]) -> list[StepError]:
-        """Compute the reference and all runs. `done` is called with the number of
-        finished runs."""
+    def measure(self, progress: Progress) -> list[StepError]:
+        """Compute the reference and all runs."""
         scenario = self.scenario
         integrator, steps = self.default
-        errors = []
+        errors: list[StepError] = []
+        stage = "reference and steps"
+        count = 1 + len(self.runs)
+        progress(stage, 0, count)
         x, v = reference_state(
             scenario.lattice, scenario.model, scenario.velocities, self.end
         )
@@ -106,8 +106,8 @@ class StepStudy:
             .first_row
         )
         truth = scenario.primary(as_columns(first[None], 0.0))[1]
-        for number, run in enumerate(self.runs, start=1):
-            done(number)
+        for run in self.runs:
+            progress(stage, 1 + len(errors), count)
             errors.append(self._measured(*run, x, truth))
         return errors
 

@@ -13,7 +13,6 @@ from taichi_disk import runtime
 from taichi_disk.accuracy.steps import StepError, StepStudy
 from taichi_disk.api.lattices import compare_lattices
 from taichi_disk.computation.outcome import compute
-from taichi_disk.computation.stability import spectrum
 from taichi_disk.errors import NOTICES, InputError, TaichiDiskError
 from taichi_disk.integrators import INTEGRATORS
 from taichi_disk.output.files import (
@@ -79,10 +78,7 @@ def step_errors(scene: Scene, progress: Progress) -> list[StepError]:
     if not scenario.step_dependent:
         return []
     outcome = compute(scenario, estimate=False)
-    study = StepStudy(scenario, spectrum(scenario.lattice, scenario.model), outcome)
-    count = 1 + len(study.runs)
-    progress("reference and steps", 0, count)
-    return study.measure(lambda done: progress("reference and steps", done, count))
+    return StepStudy(scenario, outcome).measure(progress)
 
 
 def effects(scene: Scene, progress: Progress) -> dict[str, float]:

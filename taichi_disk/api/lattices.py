@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from taichi_disk.computation.error_estimate import measured
 from taichi_disk.computation.outcome import ESTIMATE_UP_TO, Outcome
 from taichi_disk.errors import by_kind, described
 from taichi_disk.integrators import INTEGRATORS
-from taichi_disk.lattice import Array
 from taichi_disk.progress import Progress
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import outcome_of
@@ -86,7 +86,7 @@ def compare_lattices(
     """
     scene: Scene = outcome.scenario.scene
     seeds = [scene.lattice.seed]
-    results = [_numbers(outcome)]
+    results = [measured(outcome.scenario, outcome.series)]
     warnings: list[str] = []
     for number in range(1, count):
         progress("lattices", number - 1, count - 1)
@@ -94,7 +94,7 @@ def compare_lattices(
         sample = replace(scene, lattice=replace(scene.lattice, seed=seed))
         try:
             other = outcome_of(sample, force=force, estimate=False)
-            results.append(_numbers(other))
+            results.append(measured(other.scenario, other.series))
             seeds.append(seed)
             warnings += other.summary["warnings"]
         # The scene's own result is complete, whatever happens to another lattice.
@@ -107,21 +107,18 @@ def compare_lattices(
             f"{warned} of {count - 1} other lattices: {text}"
         )
     comparison: dict[str, Any] = {"seeds": seeds}
-    if len(results) == 1:
-        return comparison
     for name in results[0]:
         values = [numbers[name] for numbers in results if name in numbers]
-        if len(values) == len(results):  # every lattice has this result
+        if len(values) == len(results) > 1:  # every lattice has this result
             comparison[name] = statistics_of(values)
-            outcome.summary["warnings"] += _far_off(name, seeds, np.array(values))
+            low, median, high = np.percentile(values, [25.0, 50.0, 75.0])
+            distances = abs(values - median)
+            if len(values) >= LATTICES and distances.max() > FAR_OFF * (high - low):
+                outcome.summary["warnings"].append(
+                    f"{name}: the lattice of seed {seeds[distances.argmax()]} lies far"
+                    f" off: the interval is no summary, the median is {median:.4g}"
+                )
     return comparison
-
-
-def _numbers(outcome: Outcome) -> dict[str, float]:
-    numbers = outcome.scenario.result(outcome.series)
-    if outcome.scenario.is_thrown:
-        numbers["vibration_left"] = outcome.summary["energy"]["vibration_left"]
-    return numbers
 
 
 def statistics_of(values: list[float]) -> dict[str, Any]:
@@ -130,7 +127,7 @@ def statistics_of(values: list[float]) -> dict[str, Any]:
     mean = float(np.mean(values))
     deviation = float(np.std(values, ddof=1))
     error = deviation / len(values) ** 0.5
-    half_width = half_width_95(error, len(values))
+    half_width = float(half_width_95(error, len(values)))
     return {
         "values": values,
         "mean": mean,
@@ -140,23 +137,9 @@ def statistics_of(values: list[float]) -> dict[str, Any]:
     }
 
 
-def _far_off(name: str, seeds: list[int], values: Array) -> list[str]:
-    """Return a warning if one of the `values` (lattices,) is no sample of a normal
-    distribution, for which intervals are made."""
-    low, median, high = np.percentile(values, [25.0, 50.0, 75.0])
-    distances = abs(values - median)
-    if len(values) < LATTICES or distances.max() <= FAR_OFF * (high - low):
-        return []
-    seed = seeds[distances.argmax()]
-    return [
-        f"{name}: the lattice of seed {seed} lies far off: the interval is no summary,"
-        f" the median is {median:.4g}"
-    ]
-
-
-def half_width_95(standard_error: float, count: int) -> float:
+def half_width_95(standard_error: Any, count: Any) -> Any:
     """Return half of the width of the 95 % confidence interval of a mean of `count` >=
     2 values by Student's t, which allows for a scatter that few values show badly."""
     from scipy.special import stdtrit
 
-    return float(stdtrit(count - 1, 0.975)) * standard_error
+    return stdtrit(count - 1, 0.975) * standard_error

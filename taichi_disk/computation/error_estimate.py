@@ -18,12 +18,11 @@ from taichi_disk.computation.diagnostics import (
     BlowUp,
     relative_imbalance,
 )
-from taichi_disk.computation.driver import Driver, Status
+from taichi_disk.computation.driver import Driver
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.stability import TimeStep
 from taichi_disk.computation.step_control import fitted
 from taichi_disk.errors import SimulationError
-from taichi_disk.progress import Progress, silent
 from taichi_disk.simulation.observables import Columns, split
 
 # The constants were measured on scenes with a known result: `python -m
@@ -85,27 +84,18 @@ def richardson(dt: float, runs: list[tuple[float, float]], order: int) -> float:
     return max(errors)
 
 
-def second_run(driver: Driver, progress: Progress = silent) -> dict[str, float]:
-    """Return the errors of results by name: run the finished scene of `driver` again
+def second_run(driver: Driver, run: Callable[[TimeStep], Driver]) -> dict[str, float]:
+    """Return the errors of results by name: `run` the finished scene of `driver` again
     with another step and, if errors fall irregularly, with a third. Raises
     SimulationError if there is no result then."""
-
-    def complete(other: Driver) -> Status:
-        status: Status = "running"
-        while status == "running":
-            progress("estimate", other.simulation.time, driver.final.t)
-            status = other.advance(seconds=0.1)
-        return status
-
     # Irregular errors may agree by chance, hence three runs. On the hardest walls the
     # error also stays at a plateau, which differences do not show: the estimate is at
     # least a fraction of the worst imbalance.
     others: list[Driver] = []
     for dt in _other_steps(driver):
-        other = _with_step(driver, dt)
-        if complete(other) == "failed" and dt > driver.step.dt:
-            other = _with_step(driver, driver.step.dt / STEP_RATIO)
-            complete(other)
+        other = run(_step(driver, dt))
+        if other.failure and dt > driver.step.dt:
+            other = run(_step(driver, driver.step.dt / STEP_RATIO))
         _require_result(driver, other)
         others.append(other)
     errors = _errors(driver, others, _order(driver))
@@ -115,10 +105,9 @@ def second_run(driver: Driver, progress: Progress = silent) -> dict[str, float]:
     return errors
 
 
-def _with_step(driver: Driver, dt: float) -> Driver:
-    """Return a driver at the start of the same scene with the step `dt` [R/c]."""
-    step = fitted(dt, driver.scenario.model.reset_interval)
-    return Driver(driver.scenario, replace(driver.step, dt=step), driver.kernels)
+def _step(driver: Driver, dt: float) -> TimeStep:
+    """Return the step of `driver` with the length `dt` [R/c]."""
+    return replace(driver.step, dt=fitted(dt, driver.scenario.model.reset_interval))
 
 
 def _require_result(driver: Driver, other: Driver) -> None:
@@ -287,8 +276,8 @@ def within_tolerance(
     the error is within `time.tolerance`. Return the run with the shortest step, and its
     errors of results by name.
 
-    `run` runs the scene to its end with a step. Raises SimulationError if no step is
-    found.
+    `run` runs the scene to its end with a step. Raises SimulationError if that fails,
+    or no step is found.
     """
     scenario = driver.scenario
     tolerance = scenario.scene.time.tolerance
@@ -300,8 +289,10 @@ def within_tolerance(
     most = SEARCH
     while left < tolerance and halvings < most:
         halvings += 1
-        half = fitted(0.5 * runs[-1].step.dt, scenario.model.reset_interval)
-        runs = [*runs[-2:], run(replace(driver.step, dt=half))]
+        half = run(_step(driver, 0.5 * runs[-1].step.dt))
+        if half.failure:
+            raise half.failure
+        runs = [*runs[-2:], half]
         if len(runs) < 3:
             continue
         order = _order_shown(runs)

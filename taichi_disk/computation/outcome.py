@@ -82,7 +82,7 @@ def compute(
     control = StepControl(
         scenario, spectrum_of(scenario.lattice, scenario.model), force
     )
-    runs = Runs(scenario, progress)
+    runs = Runs(scenario, progress, "simulate", scenario.max_time)
     driver = runs.run(control.step)
     while control.shortens(driver):
         driver = runs.run(control.step)
@@ -90,34 +90,29 @@ def compute(
         raise driver.failure
     errors = None
     if scenario.scene.time.tolerance != "none" and scenario.step_dependent:
-        driver, errors = within_tolerance(driver, runs.finished)
+        driver, errors = within_tolerance(driver, runs.run)
     return _described(driver, errors, estimate, runs)
 
 
+@dataclass
 class Runs:
-    """The runs of one scenario with several steps. `attempts`: their number so far."""
+    """The runs of one scenario with several steps. `stage`, `last`: what `progress`
+    gets, besides the time; `attempts`: their number so far."""
 
-    def __init__(self, scenario: Scenario, progress: Progress) -> None:
-        self.scenario = scenario
-        self.progress = progress
-        self.attempts = 0
+    scenario: Scenario
+    progress: Progress
+    stage: str
+    last: float
+    attempts: int = 0
 
     def run(self, step: TimeStep) -> Driver:
         """Return the driver of a run that has finished or failed."""
         self.attempts += 1
         driver = Driver(self.scenario, step, shared_kernels())
-        last = self.scenario.max_time
-        self.progress("simulate", 0.0, last)
+        self.progress(self.stage, 0.0, self.last)
         while driver.advance(seconds=0.1) == "running":
-            self.progress("simulate", driver.simulation.time, last)
+            self.progress(self.stage, driver.simulation.time, self.last)
         driver.let_go()
-        return driver
-
-    def finished(self, step: TimeStep) -> Driver:
-        """Return the driver of a finished run; raises the failure if it has failed."""
-        driver = self.run(step)
-        if driver.failure:
-            raise driver.failure
         return driver
 
 
@@ -149,7 +144,8 @@ def _described(
         left = scenario.end_truncation_error(columns)
         errors = {primary: REST_CAUTION * left + ROUNDING}
     elif errors is None and small:
-        errors = second_run(driver, runs.progress)
+        others = Runs(scenario, runs.progress, "estimate", driver.final.t)
+        errors = second_run(driver, others.run)
     errors = errors or {}
     gained = diagnostics.energy_gained(scenario, columns, errors.get(primary))
     if gained:
@@ -196,9 +192,7 @@ def summary_of(
     """Return results, their definitions, `warnings`, and the number of inverted
     triangles."""
     numbers = scenario.result(columns)
-    known = {*numbers}
-    if scenario.is_thrown:
-        known.add("vibration_left")
+    known = {*numbers, "vibration_left"}
     measured = {
         name: note for name, note in scenario.words.measured.items() if name in known
     }

@@ -189,10 +189,3 @@ def signed(value: float, digits: int = 2) -> str:
     """Return a number like `minus`, with a sign also if it is positive."""
     text = minus(value, digits)
     return f"+{text}" if round(value, digits) > 0.0 else text
-
-
-def distribute(times: list[float], shares: list[float], frames: int) -> Array:
-    """Return `frames` times from times[0] to times[-1], the fraction shares[i] of them
-    in times[i]..times[i+1]."""
-    marks = np.concatenate([[0.0], np.cumsum(shares)]) / np.sum(shares)
-    return np.interp(np.linspace(0.0, 1.0, frames), marks, times)

@@ -101,8 +101,10 @@ class StepControl:
                 f" counted; write auto, or at least {1.001 * shortest:.4g}"
             )
 
-    def limit(self, integrator: Integrator, force: float) -> float:
-        return step_limit(self.spectrum, self.scenario.model, integrator, force)
+    def limit(self, integrator: Integrator) -> float:
+        """Return the largest stable step [R/c] with the force that is expected."""
+        model = self.scenario.model
+        return step_limit(self.spectrum, model, integrator, self._point_force)
 
     def _choice(self) -> TimeStep:
         model = self.scenario.model
@@ -120,14 +122,14 @@ class StepControl:
         return TimeStep(
             integrator=integrator,
             dt=fitted(dt, model.reset_interval),
-            limit=self.limit(integrator, self._point_force),
+            limit=self.limit(integrator),
             limit_under=partial(step_limit, self.spectrum, model, integrator),
         )
 
     def _longest(self, integrator: Integrator) -> float:
         """Return the largest step [R/c] within the safety margin; an automatic step
         also resolves resets."""
-        stable = self._safety * self.limit(integrator, self._point_force)
+        stable = self._safety * self.limit(integrator)
         if self._time.dt != "auto":
             return stable
         error = RESET_ERROR

@@ -78,15 +78,6 @@ class Tree:
     def fault(self, mark: Mark, path: Keys, what: str) -> None:
         self.faults.append(Fault(mark, ".".join(path), what))
 
-    def remove(self, path: Keys) -> None:
-        """Remove the value at `path`, which is there."""
-        *parents, last = path
-        mapping = self.value
-        for name in parents:
-            mapping = mapping[name]
-        del mapping[last]
-        del self.entries[path]
-
     @property
     def is_full(self) -> bool:
         """Whether there are so many faults that others are only counted."""
@@ -258,10 +249,10 @@ def _plain(value: Any, path: Keys, tree: Tree) -> Any:
         value = value.tolist()
     plain = value
     if isinstance(value, Mapping):
-        items = {printable(str(name)): item for name, item in value.items()}
-        plain = {
-            name: _plain(item, (*path, name), tree) for name, item in items.items()
-        }
+        plain = {}
+        for key, item in value.items():
+            name = printable(str(key))
+            plain[name] = _plain(item, (*path, name), tree)
         shown = "a mapping"
     elif isinstance(value, Iterable) and not isinstance(value, (str, bytes)):
         plain = [_plain(item, (*path, str(k)), tree) for k, item in enumerate(value)]
@@ -398,8 +389,11 @@ def _parents(
     if name != "sweep" or not isinstance(content, list):
         tree.fault(mark, (), f"{name} is not a section")
         return []
-    blocks = [((name, str(k)), block) for k, block in enumerate(content)]
-    return [(place, block) for place, block in blocks if isinstance(block, dict)]
+    return [
+        ((name, str(k)), block)
+        for k, block in enumerate(content)
+        if isinstance(block, dict)
+    ]
 
 
 def shipped_scenes() -> dict[str, Path]:

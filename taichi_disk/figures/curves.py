@@ -20,25 +20,6 @@ from taichi_disk.scenes.compression import paper_compression
 from taichi_disk.scenes.sweep_axes import target_of
 
 Row = dict[str, Any]
-# Keys in the summary of a curve that follow its label.
-CURVE_KEYS = (
-    "lattices",
-    "young",
-    "poisson",
-    "x",
-    "folded",
-    "mean",
-    "standard_deviation",
-    "half_width_95",
-    "fits",
-)
-# The moduli depend on these keys.
-MATERIAL = {
-    ("material", "k_a"),
-    ("lattice", "points"),
-    ("lattice", "min_spacing"),
-    ("lattice", "file"),
-}
 SEED = ("lattice", "seed")
 FOLDED = "turned inside out"  # stands in the warnings of a point
 
@@ -52,7 +33,7 @@ class Curve:
     x: Array  # (points,), for example speeds [c] or pressures [M c^2/R]
     # (lattices, points) of each result, the drawn one first; NaN if there is none
     results: dict[str, Array]
-    # E [M c^2/R^2], mean over samples with the seeds of the sweep; NaN for lattices
+    # E [M c^2/R^2], mean over samples with the seeds of the curve; NaN for lattices
     # from a file
     young: float
     poisson: float  # nu, as for E
@@ -69,17 +50,16 @@ class Curve:
         return np.nanmean(self.y, 0)
 
     @property
+    def deviation(self) -> Array:
+        """Standard deviations over lattices (points,); NaN for a single lattice."""
+        scatter = np.ma.masked_invalid(self.y).std(axis=0, ddof=1)
+        return scatter.filled(np.nan)
+
+    @property
     def half_widths(self) -> Array:
         """Half the 95 % intervals of the means (points,); NaN for a single lattice."""
-        half_widths = []
-        for numbers in self.y.T:
-            known = numbers[np.isfinite(numbers)]
-            half_width = np.nan
-            if len(known) > 1:
-                error = float(known.std(ddof=1)) / len(known) ** 0.5
-                half_width = half_width_95(error, len(known))
-            half_widths.append(half_width)
-        return np.array(half_widths)
+        count = np.isfinite(self.y).sum(axis=0)
+        return half_width_95(self.deviation / np.sqrt(count), count)
 
     @property
     def lattices(self) -> int:
@@ -89,7 +69,7 @@ class Curve:
         deviation = None
         half_widths = None
         if self.lattices > 1:
-            deviation = _known(np.nanstd(self.y, 0, ddof=1))
+            deviation = _known(self.deviation)
             half_widths = _known(self.half_widths)
         return {
             **self.label,
@@ -157,17 +137,17 @@ class Law(NamedTuple):
         return len(curve.x) >= self.min_points
 
 
+def eq5(curve: Curve, d1: float, d2: float) -> Line:
+    """Return speeds and e of eq. (5), as far as e is at most 1."""
+    v = np.geomspace(curve.x.min(), curve.x.max(), 80)
+    e = theory.paper_restitution(v, d1, d2)
+    return v[e <= 1.0], e[e <= 1.0]
+
+
 def _eq2(curve: Curve, fit: Fit) -> Line:
     """Return pressures and compressions of eq. (2)."""
     P = np.linspace(curve.x.min(), curve.x.max(), 60)
     return P, paper_compression(P, curve.young, curve.poisson, fit.values["b"])
-
-
-def _eq5(curve: Curve, fit: Fit) -> Line:
-    """Return speeds and e of eq. (5), as far as e is at most 1."""
-    v = np.geomspace(curve.x.min(), curve.x.max(), 80)
-    e = theory.paper_restitution(v, fit.values["d1"], fit.values["d2"])
-    return v[e <= 1.0], e[e <= 1.0]
 
 
 def _eq4(curve: Curve, fit: Fit) -> Line:
@@ -198,7 +178,7 @@ LAWS = {
         lambda c: theory.fit_restitution(c.x, c.y),
         min_points=3,
         max_speed=3.9,
-        line=_eq5,
+        line=lambda c, fit: eq5(c, **fit.values),
         legend="eq. (5), d₁ and d₂ fitted",
     ),
     "curvature": Law(
@@ -273,10 +253,11 @@ def analyse(
     results = [y]
     if diagram.is_of_laws:
         results = list(base.results)
-    measured = [row for row in rows if _is_number(row.get(y))]
-    of_material = [name for name in others if target_of(base, name) in MATERIAL]
-    by_material = grouped(measured, of_material)
-    for values, members in grouped(measured, others).items():
+    groups: dict[tuple[Any, ...], list[Row]] = {}
+    for row in rows:
+        if isinstance(row.get(y), (int, float)):
+            groups.setdefault(tuple(row[name] for name in others), []).append(row)
+    for values, members in groups.items():
         label = dict(zip(others, values, strict=True))
         sound = members
         if diagram.is_of_laws:
@@ -287,8 +268,7 @@ def analyse(
             tables = {name: table[complete] for name, table in tables.items()}
         if not len(tables[y]):
             continue
-        same_material = by_material[tuple(label[name] for name in of_material)]
-        young, poisson = _mean_moduli(same_material, seed)
+        young, poisson = _mean_moduli(members, seed)
         curve = Curve(
             label=label,
             x=places,
@@ -316,19 +296,15 @@ def _sound(rows: Sequence[Row], x: str) -> list[Row]:
     the axis `x` where most are, so that lattices are complete elsewhere."""
     counts = Counter(row[x] for row in rows)
     folded = Counter(row[x] for row in rows if _is_folded(row))
-    sound = []
-    for row in rows:
-        if 2 * folded[row[x]] < counts[row[x]] and not _is_folded(row):
-            sound.append(row)
-    return sound
+    return [
+        row
+        for row in rows
+        if 2 * folded[row[x]] < counts[row[x]] and not _is_folded(row)
+    ]
 
 
 def _is_folded(row: Row) -> bool:
     return FOLDED in row.get("warnings", "")
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float))
 
 
 def _tables(
@@ -378,12 +354,3 @@ def _is_damped(base: Scene, label: dict[str, Any]) -> bool:
             swept[target[1]] = value
     _key, viscosity = replace(base.material, **swept).dashpots
     return viscosity != 0.0
-
-
-def grouped(
-    rows: Sequence[Row], names: Sequence[str]
-) -> dict[tuple[Any, ...], list[Row]]:
-    groups: dict[tuple[Any, ...], list[Row]] = {}
-    for row in rows:
-        groups.setdefault(tuple(row[name] for name in names), []).append(row)
-    return groups

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from textwrap import fill
 from typing import Any, NamedTuple
@@ -15,8 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from taichi_disk.figures import theory
-from taichi_disk.figures.curves import LAWS, Curve, Diagram, Line
+from taichi_disk.figures.curves import LAWS, Curve, Diagram, Line, eq5
 from taichi_disk.lattice import Array
 from taichi_disk.output.files import atomic_write
 from taichi_disk.output.inline import Plot
@@ -135,12 +135,6 @@ def _compression_laws(curve: Curve) -> list[tuple[Line, str, str]]:
     ]
 
 
-def _paper_restitution(curve: Curve) -> list[tuple[Line, str, str]]:
-    v = np.geomspace(curve.x.min(), curve.x.max(), 80)
-    e = theory.paper_restitution(v, 0.973, 0.119)
-    return [((v, e), "-.", "paper: d₁ = 0.973, d₂ = 0.119")]
-
-
 SPEED = "impact speed  v/c"
 RESTITUTION = "coefficient of restitution  e"
 # by the kind of scene
@@ -149,7 +143,13 @@ LAYOUTS = {
         "compression  ξ/R", "force  P/(π R E)", _force, "xerr", _compression_laws
     ),
     "exponential_wall": Layout(SPEED, RESTITUTION),
-    "absorbing_wall": Layout(SPEED, RESTITUTION, references=_paper_restitution),
+    "absorbing_wall": Layout(
+        SPEED,
+        RESTITUTION,
+        references=lambda curve: [
+            (eq5(curve, 0.973, 0.119), "-.", "paper: d₁ = 0.973, d₂ = 0.119")
+        ],
+    ),
 }
 
 
@@ -191,10 +191,10 @@ def curve_styles(count: int) -> list[dict[str, Any]]:
     """Return colour and marker of each curve. The order of the curves is that of
     lightness."""
     colours = COLOURS(np.linspace(0.0, LIGHTEST, count))
-    styles = []
-    for k, colour in enumerate(colours):
-        styles.append({"color": colour, "marker": MARKERS[k % len(MARKERS)]})
-    return styles
+    return [
+        {"color": colour, "marker": MARKERS[k % len(MARKERS)]}
+        for k, colour in enumerate(colours)
+    ]
 
 
 def _draw_curve(ax: Axes, layout: Layout, curve: Curve, style: dict[str, Any]) -> Any:
@@ -280,29 +280,24 @@ def curve_label(label: dict[str, Any]) -> str:
 def _name_ends(ax: Axes, drawn: Sequence[Any], curves: Sequence[Curve]) -> bool:
     """Write the name of each curve at its right end, and return True, unless there is
     too little room for them."""
-    ends = []
-    for container, curve in zip(drawn, curves, strict=True):
-        end = container.lines[0].get_xydata()[-1]
-        ends.append((ax.transData.transform(end)[1], end, container, curve))
-    ends.sort(key=lambda one: one[0])
-    step = NAME_HEIGHT * ax.figure.dpi / 72.0  # [px]
-    lowest = -np.inf
-    names = []
-    for height, end, container, curve in ends:
-        place = max(height, lowest)
-        lowest = place + step
-        shift = (place - height) / step * NAME_HEIGHT
-        if shift > MAX_SHIFT:
-            return False
-        names.append((end, shift, container, curve))
-    for end, shift, container, curve in names:
+    lines = [container.lines[0] for container in drawn]
+    ends = np.array([line.get_xydata()[-1] for line in lines])
+    heights = ax.transData.transform(ends)[:, 1] * 72.0 / ax.figure.dpi  # [pt]
+    order = np.argsort(heights, kind="stable")
+    places = heights.copy()
+    for below, above in pairwise(order):
+        places[above] = max(places[above], places[below] + NAME_HEIGHT)
+    shifts = places - heights
+    if shifts.max() > MAX_SHIFT:
+        return False
+    for k in order:
         ax.annotate(
-            curve_label(curve.label),
-            end,
-            (5.0, shift),
+            curve_label(curves[k].label),
+            ends[k],
+            (5.0, shifts[k]),
             textcoords="offset points",
             va="center",
-            color=container.lines[0].get_color(),
+            color=lines[k].get_color(),
             fontsize=FONT["legend.fontsize"],
         )
     return True

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from taichi_disk.figures.curves import CURVE_KEYS, LAWS
+from taichi_disk.figures.curves import LAWS
 from taichi_disk.figures.theory import SIGNIFICANCE
 
 # No sample of lattices says how their errors are distributed farther out.
@@ -20,9 +20,9 @@ def curve_rows(
     for curve in curves:
         keys = []
         for name, value in curve.items():
-            if name not in CURVE_KEYS:
-                keys.append(f"{name}: {_as_text(value)}")
-        keys.append(f"lattices: {curve['lattices']}")
+            keys.append(f"{name}: {_as_text(value)}")
+            if name == "lattices":  # the last key of the label
+                break
         if curve["folded"]:
             keys.append(f"{curve['folded']} folded points in no fit")
         laws = []

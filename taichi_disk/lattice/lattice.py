@@ -186,7 +186,7 @@ class Lattice:
         custom.check_masses(masses)
         custom.check_springs("stiffness", factors)
         return replace(
-            self, masses=_scaled_masses(masses), stiffness=_stiffness_or_none(factors)
+            self, masses=_scaled_masses(masses), stiffness=stiffness_or_none(factors)
         )
 
     @classmethod
@@ -290,7 +290,7 @@ def _scaled_masses(masses: Array) -> Array:
     return masses / total
 
 
-def _stiffness_or_none(factors: Array | None) -> Array | None:
+def stiffness_or_none(factors: Array | None) -> Array | None:
     if factors is None or (factors == 1.0).all():
         return None
     return factors
@@ -415,7 +415,7 @@ def _spring_arrays(
         array = custom.column(arrays[name], len(bonds), name)
         custom.check_springs(name, array)
         ordered[name] = array[np.argsort(pair_keys(bonds, n))]
-    ordered["stiffness"] = _stiffness_or_none(ordered["stiffness"])
+    ordered["stiffness"] = stiffness_or_none(ordered["stiffness"])
     return ordered
 
 

@@ -35,9 +35,8 @@ class OwnStart(NamedTuple):
     @property
     def digest(self) -> str:
         """SHA-256 of all arrays that a run reads; "" if there are none."""
-        arrays = {"velocities": self.velocities}
-        if self.disk is not None:
-            arrays = {name: getattr(self.disk, name) for name in _ARRAYS} | arrays
+        arrays = {name: getattr(self.disk, name, None) for name in _ARRAYS}
+        arrays["velocities"] = self.velocities
         digest = hashlib.sha256()
         present = {name: one for name, one in arrays.items() if one is not None}
         for name, array in present.items():

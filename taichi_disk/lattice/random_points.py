@@ -43,7 +43,10 @@ def circle_points(
 ) -> Array:
     """Return the points (points, 2) [R] of `Lattice.disk`. Raises InputError or
     SimulationError as it does."""
-    _check_circle(points, seed, hole, core)
+    whole_number(points, "lattice.points", MAX_POINTS, MIN_POINTS)
+    whole_number(seed, "lattice.seed", 2**63, 0)
+    for key, fault in circle_faults(points, hole, core):
+        raise InputError(f"lattice.{key}: {fault}")
     spacing = least_distance(points, min_spacing) * math.sqrt(1.0 - hole**2)
     rng = np.random.default_rng(seed)
     on_rim = rim_points(points, hole)
@@ -76,13 +79,6 @@ def circle_points(
     rest = points - len(fixed)
     inside = scatter(rng, rest, -corner, corner, depth, spacing, fixed)
     return np.concatenate([fixed, inside])
-
-
-def _check_circle(points: int, seed: int, hole: float, core: float) -> None:
-    whole_number(points, "lattice.points", MAX_POINTS, MIN_POINTS)
-    whole_number(seed, "lattice.seed", 2**63, 0)
-    for key, fault in circle_faults(points, hole, core):
-        raise InputError(f"lattice.{key}: {fault}")
 
 
 def rim_points(points: int, hole: float = 0.0) -> int:

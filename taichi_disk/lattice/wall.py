@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from taichi_disk.errors import InputError
-from taichi_disk.lattice.lattice import Lattice, triangulate
+from taichi_disk.lattice.lattice import Lattice, stiffness_or_none, triangulate
 from taichi_disk.lattice.random_points import (
     MIN_ROWS,
     least_distance,
@@ -57,10 +57,8 @@ def with_wall(
     shift = np.int32(n)  # the wall's points follow those of the disk
     lowest = disk.positions[:, 1].min()
     above = disk.positions - np.array([0.0, lowest])
-    factors = None
-    if disk.stiffness is not None or stiffness != 1.0:
-        of_disk = disk.stiffened(np.ones(len(disk.bonds)))
-        factors = np.append(of_disk, np.full(len(wall.bonds), stiffness))
+    of_disk = disk.stiffened(np.ones(len(disk.bonds)))
+    factors = np.append(of_disk, np.full(len(wall.bonds), stiffness))
     return replace(
         disk,
         positions=np.concatenate([above, wall.positions]),
@@ -70,7 +68,7 @@ def with_wall(
         triangles=np.concatenate([disk.triangles, wall.triangles + shift]),
         wall_surface=top + shift,
         wall_boundary=other_sides + shift,
-        stiffness=factors,
+        stiffness=stiffness_or_none(factors),
     )
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 from math import tan
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from taichi_disk.scenes.conflicts import (
     Conflicts,
     least_threshold,
     rounded_up,
-    time_conflicts,
 )
 from taichi_disk.scenes.impact import ImpactScenario, ImpactScene
 
@@ -39,17 +38,16 @@ _WALLS = {
 class AbsorbingWallScene(ImpactScene):
     """A scene with an elastic wall, as read from its file."""
 
-    title: ClassVar[str] = "impact on an elastic, absorbing wall"
-    heading: ClassVar[str] = "Impact on an elastic wall"
-    slip_remedy: ClassVar[str] = (
+    title = "impact on an elastic, absorbing wall"
+    heading = "Impact on an elastic wall"
+    slip_remedy = (
         "; if it has slipped off the end of the wall, write a larger wall.width"
     )
-    lattice_keys: ClassVar[tuple[str, ...]] = (
+    lattice_keys = (
         "lattice",
         "wall.points",
         "wall.width",
         "wall.k_a",
-        "material.k_a",
     )
 
     scene: Literal["absorbing_wall"] = "absorbing_wall"
@@ -59,13 +57,7 @@ class AbsorbingWallScene(ImpactScene):
     impact: ElasticImpactSection = ElasticImpactSection()
 
     def conflicts(self) -> Conflicts:
-        matched = []
-        if self.wall.boundary == "dashpot":
-            matched = ["wall.boundary = dashpot"]
-        resets = bool(self.reset_interval)
-        conflicts = super().conflicts() + time_conflicts(
-            self.time, self.material, *matched, resets=resets
-        )
+        conflicts = super().conflicts()
         least = least_threshold(self.wall, self.impact.towards)
         if self.wall.threshold < least:
             text = (
@@ -114,9 +106,9 @@ class AbsorbingWallScene(ImpactScene):
         changes = super().changes_with(key, value)
         if key in ("wall.a", "impact.velocity", "impact.angle"):
             section, name = key.split(".")
-            parts: Any = {"wall": self.wall, "impact": self.impact}
-            parts[section] = replace(parts[section], **{name: value})
-            least = least_threshold(parts["wall"], parts["impact"].towards)
+            changed = replace(getattr(self, section), **{name: value})
+            scene = replace(self, **{section: changed})
+            least = least_threshold(scene.wall, scene.impact.towards)
             changes["wall.threshold"] = max(
                 self.wall.threshold, float(rounded_up(least))
             )

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from taichi_disk.computation.scenario import Array, Scenario, Words, distribute
+from taichi_disk.computation.scenario import Array, Scenario, Words
 from taichi_disk.config.sections import CompressionSection, MaterialSection, WallSection
 from taichi_disk.lattice import Lattice
 from taichi_disk.progress import Progress, silent
-from taichi_disk.scenes.conflicts import Conflicts, time_conflicts
+from taichi_disk.scenes.conflicts import Conflicts
 from taichi_disk.scenes.scene import DiskScene
 from taichi_disk.simulation.observables import Columns
 
@@ -41,9 +41,9 @@ MEASURED = {
 class CompressionScene(DiskScene):
     """A compression on a rigid wall, as read from its file."""
 
-    title: ClassVar[str] = "compression on a rigid wall"
-    abscissa: ClassVar[tuple[str, str]] = ("compression", "pressure")
-    results: ClassVar[tuple[str, ...]] = ("xi", "xi_nominal", "xi_extrapolated")
+    title = "compression on a rigid wall"
+    abscissa = ("compression", "pressure")
+    results = ("xi", "xi_nominal", "xi_extrapolated")
 
     scene: Literal["compression"] = "compression"
     # so that the vibration dies out
@@ -52,7 +52,7 @@ class CompressionScene(DiskScene):
     compression: CompressionSection = CompressionSection()
 
     def conflicts(self) -> Conflicts:
-        conflicts = super().conflicts() + time_conflicts(self.time, self.material)
+        conflicts = super().conflicts()
         if self.time.tolerance != "none" and self.compression.method == "newton":
             text = (
                 "Newton's method takes no time step, and solves to rounding: write"
@@ -235,7 +235,8 @@ class Compression(Scenario):
         moving = np.flatnonzero(kinetic >= 1e-4 * kinetic.max())
         end_of_motion = min(t[moving[-1]], 0.5 * t[-1])
         # 85 % of the pictures show the motion that can be seen
-        return distribute([0.0, end_of_motion, t[-1]], [0.85, 0.15], frames)
+        parts = np.linspace(0.0, 1.0, frames)
+        return np.interp(parts, [0.0, 0.85, 1.0], [0.0, end_of_motion, t[-1]])
 
     @property
     def words(self) -> Words:

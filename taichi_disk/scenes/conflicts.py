@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from taichi_disk.config.potential import ExponentialPotential
 from taichi_disk.config.sections import ImpactSection, MaterialSection, TimeSection
@@ -12,23 +12,19 @@ Conflicts: TypeAlias = list[tuple[str, str]]  # (dotted key, message)
 
 
 def time_conflicts(
-    time: TimeSection,
-    material: MaterialSection,
-    *others: str,
-    friction: float = 0.0,
-    resets: bool = False,
+    time: TimeSection, material: MaterialSection, wall: Any
 ) -> Conflicts:
-    """Return the conflicts of the section `time`.
-
-    `others`: further velocity-dependent forces, as "key = value". `resets`: whether
-        wall.boundary is reset.
-    """
+    """Return the conflicts of the section `time`; `wall`: its section, if there is
+    one."""
     dashpot, eta = material.dashpots
+    friction = getattr(wall, "friction", 0.0)
+    boundary = getattr(wall, "boundary", "")
     damping = {
+        "wall.boundary = dashpot": boundary == "dashpot",
         f"material.{dashpot} = {eta:g}": eta,
         f"wall.friction = {friction:g}": friction,
     }
-    forces = [*others, *(name for name, value in damping.items() if value)]
+    forces = [name for name, value in damping.items() if value]
     name = time.integrator
     integrator = INTEGRATORS.get(time.integrator)
     limits = []
@@ -40,7 +36,7 @@ def time_conflicts(
             f"cannot integrate velocity-dependent forces ({forces[0]}): write auto or"
             " velocity_verlet"
         )
-    if integrator and integrator.correction and resets:
+    if integrator and integrator.correction and boundary == "reset":
         limits.append("has only order 2 with wall.boundary = reset: write auto")
     if treatment == "implicit" and friction:
         limits.append("has only order 1 with friction: write auto or velocity_verlet")

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Literal
 
 from taichi_disk.config.sections import ImpactSection, RoughWallSection
 from taichi_disk.lattice import Lattice
-from taichi_disk.scenes.conflicts import Conflicts, time_conflicts
 from taichi_disk.scenes.impact import ImpactScene
 
 if TYPE_CHECKING:
@@ -16,17 +15,12 @@ if TYPE_CHECKING:
 class ExponentialWallScene(ImpactScene):
     """An impact on a rigid wall, as read from its file."""
 
-    title: ClassVar[str] = "impact on a rigid wall"
-    heading: ClassVar[str] = "Impact on a rigid wall"
+    title = "impact on a rigid wall"
+    heading = "Impact on a rigid wall"
 
     scene: Literal["exponential_wall"] = "exponential_wall"
     wall: RoughWallSection = RoughWallSection()
     impact: ImpactSection = ImpactSection()
-
-    def conflicts(self) -> Conflicts:
-        return super().conflicts() + time_conflicts(
-            self.time, self.material, friction=self.wall.friction
-        )
 
     def model_of(self, lattice: Lattice, springs: Springs) -> Model:
         from taichi_disk.physics import ExponentialWall, Model

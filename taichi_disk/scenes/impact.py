@@ -7,7 +7,7 @@ from abc import abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from taichi_disk.computation.scenario import (
     Array,
     Scenario,
     Words,
-    minus,
     signed,
     time_text,
 )
@@ -102,11 +101,11 @@ class Shape:
 class ImpactScene(DiskScene):
     """An impact, as read from its file. A kind defines `model_of`."""
 
-    heading: ClassVar[str] = "Impact"  # first line of titles
-    slip_remedy: ClassVar[str] = ""  # advice for a disk that has left the wall's end
-    abscissa: ClassVar[tuple[str, str]] = ("impact", "velocity")
-    results: ClassVar[tuple[str, ...]] = ("restitution", "contact_time")
-    optional_results: ClassVar[tuple[str, ...]] = tuple(oblique.LABELS)
+    heading = "Impact"  # first line of titles
+    slip_remedy = ""  # advice for a disk that has left the wall's end
+    abscissa = ("impact", "velocity")
+    results = ("restitution", "contact_time")
+    optional_results = tuple(oblique.LABELS)
 
     wall: Any = None
     impact: Any = None
@@ -129,10 +128,8 @@ class ImpactScene(DiskScene):
         speed = float(np.hypot(along, up))
         angle = float(np.arctan2(along, -up))
         # A scene that throws a disk so, but for rounding, stays as it is.
-        faults = np.array(
-            [speed / self.impact.velocity - 1.0, angle - self.impact.angle]
-        )
-        if (np.abs(faults) < 1e-12).all():
+        impact = self.impact
+        if np.allclose([speed, angle], [impact.velocity, impact.angle], 1e-12, 1e-12):
             return self
         # exactly 0 straight down, in spite of rounding
         angle = round(angle, 12)
@@ -205,7 +202,10 @@ class ImpactScene(DiskScene):
         )
         if shape.is_round and disk.whole and disk.stiffness is None:
             return shape
-        return replace(shape, compliance=max(shape.compliance, _bending(disk, springs)))
+        # A rod, a ring or a soft core bend more easily than a disk.
+        k = disk.stiffened(springs.k_a)
+        bending = bending_compliance(network_stiffness(disk.positions, disk.bonds, k))
+        return replace(shape, compliance=max(shape.compliance, bending))
 
     def _placed(self, body: Lattice, shape: Shape) -> tuple[float, Lattice]:
         """Return the distance of the lowest point from the wall [R], and `body` with
@@ -261,14 +261,6 @@ class ImpactScene(DiskScene):
         # 1 for the flight to the wall, 1/0.05 = 20 for the flight away, 1 in reserve
         flight_times = 22.0 * (gap + shape.outline_depth) / velocity
         return float(flight_times + 10.0 * contact_time)
-
-
-def _bending(disk: Lattice, springs: Springs) -> float:
-    """Return the compliance of a rod, a ring or a soft core, which bend more easily
-    than a disk [R^2/(M c^2)]."""
-    return bending_compliance(
-        network_stiffness(disk.positions, disk.bonds, disk.stiffened(springs.k_a))
-    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -394,32 +386,27 @@ class ImpactScenario(Scenario):
         )
 
     def conclusion(self, columns: Columns) -> str:
-        up = self._speed_after(columns)
-        text = f"It comes back with {up / self.speed_before:.3f} of its speed"
+        before = self.speed_before
+        after = self._speed_after(columns)
+        direction = ""
         if self.scene.is_oblique:
-            along = float(columns["com_vx"][-1])
-            side = "right" if along > 0.0 else "left"
-            angle = np.degrees(np.arctan2(abs(along), up))
-            kept = np.hypot(along, up) / self.scene.impact.velocity
-            spin = minus(columns["angular_momentum"][-1] / self.shape.inertia)
-            text = (
-                f"It leaves {angle:.0f}° to the {side} with {kept:.3f} of its speed and"
-                f" a spin of {spin} c/R"
-            )
+            along = columns["com_vx"]
+            before = np.hypot(before, along[0])
+            after = np.hypot(after, along[-1])
+            direction = ", to the right" if along[-1] > 0.0 else ", to the left"
+        text = f"It comes back with {after / before:.3f} of its speed{direction}"
         energies = split(columns, self.shape.inertia)
-        energy = energies["kinetic"][0]
-        ringing = energies["vibration"][-1] + energies["elastic"][-1]
-        shares = {"{:.2g} % still rings": ringing / energy}
-        for name in of_kind("loss"):
-            words = f"{BY_NAME[name].label} took {{:.2g}} %"
-            shares[words] = energies[name][-1] / energy
-        parts = [
-            words.format(100.0 * share)
-            for words, share in shares.items()
-            if share > LEAST_SHARE
-        ]
+        shares = {}
+        for name in reversed(of_kind("loss")):
+            shares[f"{BY_NAME[name].label} took {{:.2g}} %"] = energies[name]
+        shares["{:.2g} % still rings"] = energies["vibration"] + energies["elastic"]
+        parts = []
+        for words, energy in shares.items():
+            share = energy[-1] / energies["kinetic"][0]
+            if share > LEAST_SHARE:
+                parts.append(words.format(100.0 * share))
         if parts:
-            text += f". Of the energy, {', '.join(reversed(parts))}"
+            text += f". Of the energy, {', '.join(parts)}"
         return f"{text}."
 
     def motion(self, columns: Columns) -> Array:
@@ -444,20 +431,18 @@ class ImpactScenario(Scenario):
     def _title(self) -> tuple[str, ...]:
         scene = self.scene
         impact = scene.impact
-        friction = scene.wall.friction
         words = [
             f"v = {impact.velocity:g} c",
             scene.damping,
             f"a = {scene.wall.a:g}/R",
         ]
-        if impact.angle:
-            words.append(f"{impact.angle:g} rad from the normal")
-        if impact.spin:
-            words.append(f"spin {impact.spin:g} c/R")
-        if friction:
-            words.append(f"μ = {friction:g}")
-        if impact.turn:
-            words.append(f"turned by {impact.turn:g}")
+        of_some = {
+            "{:g} rad from the normal": impact.angle,
+            "spin {:g} c/R": impact.spin,
+            "μ = {:g}": scene.wall.friction,
+            "turned by {:g}": impact.turn,
+        }
+        words += [text.format(value) for text, value in of_some.items() if value]
         if self.own.velocities is not None:
             words.append("own velocities")
         heading = scene.heading

@@ -73,29 +73,37 @@ def quasistatic(scenario: Any, loads: int, progress: Progress) -> Outcome:
         path.states.insert(0, path.under(fraction, path.states[0]))
         progress("simulate", len(path.states), loads)
 
-    columns = {name: np.zeros(loads) for name in (*INDEX, "xi")} | {"t": fractions}
-    for k, x in enumerate(path.states):
-        columns["com_x"][k], columns["com_y"][k] = lattice.mean(x)
-        columns["lowest_y"][k] = x[:, 1].min()
+    rows = []
+    for fraction, x in zip(fractions, path.states, strict=True):
         # Compare with the unloaded disk in the same orientation, because the disk rolls
         # a little as the load grows.
         unloaded = turned(lattice.positions, roll_angle(lattice.positions, x))
-        columns["xi"][k] = depth(lattice, unloaded) - depth(lattice, x)
-        columns["wall_force"][k] = model.wall.forces(lattice, x)[:, 1].sum()
-        columns["residual"][k] = np.hypot(
-            *path.loaded(fractions[k]).forces(lattice, x).T
-        ).max()
-        columns["elastic"][k] = model.springs.energy(lattice, x)
-        columns["inverted"][k] = inverted_triangles(lattice, x)
-        columns["wall"][k] = model.wall.energy(lattice, x)
+        com_x, com_y = lattice.mean(x)
+        row = {
+            "com_x": com_x,
+            "com_y": com_y,
+            "lowest_y": x[:, 1].min(),
+            "xi": depth(lattice, unloaded) - depth(lattice, x),
+            "wall_force": model.wall.forces(lattice, x)[:, 1].sum(),
+            "residual": np.hypot(*path.loaded(fraction).forces(lattice, x).T).max(),
+            "elastic": model.springs.energy(lattice, x),
+            "inverted": inverted_triangles(lattice, x),
+            "wall": model.wall.energy(lattice, x),
+        }
+        rows.append(row)
+    columns = {name: np.zeros(loads) for name in INDEX} | {"t": fractions}
+    for name in row:
+        columns[name] = np.array([one[name] for one in rows], float)
     columns["load"] = fractions * model.load.force * columns["com_y"]
     columns["total"] = columns["elastic"] + columns["wall"] + columns["load"]
     warnings = [text for text in [inside_out(columns)] if text]
     summary = summary_of(scenario, columns, warnings) | {
         "steps": rest.iterations,
         "integrator": "newton",
+        "error_estimate": {},
+        "residual": rest.residual,
+        "roll": rest.roll,
     }
-    summary |= {"error_estimate": {}, "residual": rest.residual, "roll": rest.roll}
     _, forces = model.wall.contact_forces(lattice, rest.positions)
     return Outcome(
         scenario=scenario,

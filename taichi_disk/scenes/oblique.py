@@ -10,6 +10,7 @@ import numpy as np
 
 from taichi_disk.computation.contact import contact_interval, results_time
 from taichi_disk.config import sections
+from taichi_disk.config.potential import ExponentialPotential
 from taichi_disk.lattice import Array
 from taichi_disk.simulation.observables import Columns
 
@@ -112,7 +113,7 @@ def scales_along_the_wall(
 
 
 def start_gap(
-    wall: sections.WallSection | sections.ElasticWallSection,
+    wall: ExponentialPotential,
     impact: sections.ImpactSection,
     time: sections.TimeSection,
     heights: Array | float = 0.0,

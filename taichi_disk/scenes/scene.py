@@ -33,7 +33,7 @@ from taichi_disk.lattice import (
     circle_faults,
     own_velocities,
 )
-from taichi_disk.scenes.conflicts import Conflicts
+from taichi_disk.scenes.conflicts import Conflicts, time_conflicts
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -99,7 +99,8 @@ class DiskScene(Frozen):
         spec = self.lattice
         material = self.material
         usual = type(self).material.eta_star
-        found = []
+        wall = getattr(self, "wall", None)
+        found = time_conflicts(self.time, material, wall)
         if material.viscosity != "auto" and material.eta_star != usual:
             text = (
                 f"{material.viscosity:g} and material.eta_star = {material.eta_star:g}"
@@ -140,15 +141,15 @@ class DiskScene(Frozen):
         Raises InputError with all faults.
         """
         data = asdict(self)
-        others = dict[str, Any]()  # faults, which `check` reports
         setters = dict[str, str]()  # which name has set each dotted key
         for name, value in [*(changes or {}).items(), *keys.items()]:
             section, key = self._home(name)
             values = value
             if key:
                 values = {key: value}
-            if section not in self.sections() or not isinstance(values, Mapping):
-                others[name] = value
+            old = data.get(section)
+            if not (isinstance(old, dict) and isinstance(values, Mapping)):
+                data[name] = value  # a fault, which `check` reports
                 continue
             for one in values:
                 path = f"{section}.{one}"
@@ -158,8 +159,8 @@ class DiskScene(Frozen):
                         " two out"
                     )
                 setters[path] = name
-            data[section] |= values
-        tree = tree_of(data | others)
+            old |= values
+        tree = tree_of(data)
         found = check(tree, {self.scene: type(self)})
         tree.refuse()
         return cast("Self", found)

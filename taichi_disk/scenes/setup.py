@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from taichi_disk.computation.stability import Spectrum
     from taichi_disk.physics import Model
 
-MAX_POINTS = 100_000  # total number of points of the cached lattices
+MAX_POINTS = 100_000  # of the cached lattices, from which they are forgotten
 
-_BODIES: dict[Hashable, Lattice] = {}  # in the order of their last use
+_BODIES: dict[Hashable, Lattice] = {}
 _SPECTRA: dict[Hashable, Spectrum] = {}  # four numbers each, so all are kept
 
 
@@ -25,13 +25,11 @@ def body_of(scene: Scene) -> Lattice:
     """Return the scene's unloaded lattice. Raises TaichiDiskError if there is no such
     lattice."""
     key = lattice_key(scene)
-    body = _BODIES.pop(key, None) or scene.body()
-    _BODIES[key] = body
-    points = sum(len(one.masses) for one in _BODIES.values())
-    while points > MAX_POINTS and len(_BODIES) > 1:
-        oldest = _BODIES.pop(next(iter(_BODIES)))
-        points -= len(oldest.masses)
-    return body
+    if key not in _BODIES:
+        if sum(len(one.masses) for one in _BODIES.values()) > MAX_POINTS:
+            _BODIES.clear()
+        _BODIES[key] = scene.body()
+    return _BODIES[key]
 
 
 def spectrum_of(scene: Scene, lattice: Lattice, model: Model) -> Spectrum:

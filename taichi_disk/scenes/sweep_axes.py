@@ -77,10 +77,11 @@ def check_sweep(tree: Tree, kinds: Kinds) -> Sweep | None:
     section = tree.value.pop("sweep")
     name = tree.value.get("scene")
     kind = kinds.get(name) if isinstance(name, str) else None
-    listed = isinstance(section, list) and len(section) > 0
+    given: dict[Keys, Any] = {("sweep",): section}
+    if isinstance(section, list) and section:
+        given = {("sweep", str(k)): block for k, block in enumerate(section)}
     blocks = []
-    for number, block in enumerate(section if listed else [section]):
-        path = ("sweep", str(number)) if listed else ("sweep",)
+    for path, block in given.items():
         if not (isinstance(block, dict) and block):
             entry = tree.entries[path]
             tree.fault(
@@ -118,10 +119,9 @@ def _axes(
             )
             continue
         given = tree.entries.get(target)
-        is_override = mark.rank > 0
-        if given and is_override and given.key.rank == 0:
+        if given and given.key.rank == 0 < mark.rank:
             # An option replaces what the file says, as for single values.
-            tree.remove(target)
+            del tree.value[target[0]][target[1]], tree.entries[target]
         if target in tree.entries or target in taken:
             other = taken.get(target, "the scene")
             tree.fault(
@@ -178,10 +178,9 @@ def _combine(
         )
         return None
     checked_blocks = []
-    scenes: dict[DiskScene, None] = {}
+    scenes: list[DiskScene] = []
     for block in blocks:
-        # values as scenes have them, without duplicates
-        values: dict[str, dict[Any, None]] = {name: {} for name in block}
+        of_block = []
         for entries in itertools.product(*block.values()):
             if tree.is_full:
                 break
@@ -190,19 +189,22 @@ def _combine(
             combined = _with(kind, tree, combination)
             scene = check(combined, kinds, where=f" (at {', '.join(terms)})")
             tree.faults.extend(combined.faults)
-            if scene is None:
-                continue
-            for name, found in values.items():
-                is_first = not found
-                found[value_of(scene, name)] = None
-                if is_first and target_of(scene, name) in scene.unused():
-                    what = "has no effect with lattice.file: leave it out"
-                    tree.fault(combination[name][1].key, ("sweep", name), what)
-            scenes[scene] = None
-        checked_blocks.append({name: tuple(found) for name, found in values.items()})
+            if scene is not None:
+                of_block.append(scene)
+        values = {}
+        for name, given in block.items():
+            # as scenes have them, without duplicates
+            values[name] = tuple(
+                dict.fromkeys(value_of(scene, name) for scene in of_block)
+            )
+            if of_block and target_of(kind, name) in of_block[0].unused():
+                what = "has no effect with lattice.file: leave it out"
+                tree.fault(given[0][1].key, ("sweep", name), what)
+        checked_blocks.append(values)
+        scenes += of_block
     if tree.faults:
         return None
-    return Sweep(tuple(checked_blocks), tuple(scenes))
+    return Sweep(tuple(checked_blocks), tuple(dict.fromkeys(scenes)))
 
 
 def _with(

@@ -205,13 +205,6 @@ def turned(positions: Array, angle: float) -> Array:
 # ---- a rigid disk
 
 
-def rigid_balance(heights: Array, wall: ExponentialWall, load: float) -> float:
-    """Return how far to lift points at `heights` (n,) [R] so that sum_i a V0 exp(-a
-    y_i) equals the load."""
-    lowest = float(heights.min())
-    return wall.height_of_force(load, heights - lowest) - lowest
-
-
 def resting_angle(disk: Lattice, modulus: float, a: float, pressure: float) -> float:
     """Return the counter-clockwise rotation at which the unloaded disk rests on the
     wall [rad]."""
@@ -246,5 +239,7 @@ def place_on_wall(
     # From another angle it would roll for 10^4 R/c, and the compression would refer to
     # the wrong radius.
     positions = turned(disk.positions, angle)
-    lift = np.array([0.0, rigid_balance(positions[:, 1], wall, load)])
+    heights = positions[:, 1]
+    lowest = heights.min()
+    lift = np.array([0.0, wall.height_of_force(load, heights - lowest) - lowest])
     return replace(disk, positions=positions + lift)

@@ -46,7 +46,6 @@ SCENES_PER_TASK = 6
 LARGE_LATTICE = 2000  # a scene with more points is a task by itself
 # of the figure and its fits, 0.5 s in all
 SLOW_IMPORTS = ("taichi_disk.figures.drawing", "scipy.integrate", "scipy.interpolate")
-TASKS_LEFT = 2  # for each other process, when this one imports them
 CONNECT_TIMEOUT = 8.0  # how long a Dask scheduler may take to answer [s]
 
 
@@ -213,16 +212,14 @@ def _carried_out(executor: Executor, scenes: Scenes, estimate: bool) -> Results:
             futures[future] = keys
             future.add_done_callback(finished.put)
         for_this_process = []
-        tasks_left = 0
-        if isinstance(executor, Pool) and _computes_here(scenes):
-            start_worker()
-            for_this_process = list(futures)
-            tasks_left = TASKS_LEFT * executor.count
+        if isinstance(executor, Pool):
+            for name in SLOW_IMPORTS:  # the others compute meanwhile
+                import_module(name)
+            if _computes_here(scenes):
+                start_worker()
+                for_this_process = list(futures)
         for _ in range(len(futures)):
             if for_this_process and finished.empty():
-                if _is_begun(for_this_process[-tasks_left:][0]):
-                    for name in SLOW_IMPORTS:  # the others compute meanwhile
-                        import_module(name)
                 last = for_this_process.pop()
                 if last.cancel():  # no process has begun it
                     yield from _here(scenes, futures.pop(last), estimate)
@@ -232,10 +229,6 @@ def _carried_out(executor: Executor, scenes: Scenes, estimate: bool) -> Results:
     finally:
         for future in futures:
             future.cancel()
-
-
-def _is_begun(future: Finished) -> bool:
-    return future.running() or future.done()
 
 
 def _next(finished: SimpleQueue[Finished]) -> Finished:

@@ -8,7 +8,6 @@ import json
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import asdict, dataclass
-from math import isfinite
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -20,8 +19,6 @@ from taichi_disk.errors import (
     NOTICES,
     InputError,
     by_kind,
-    check_flags,
-    did_you_mean,
     whole_number,
 )
 from taichi_disk.lattice import file_digest
@@ -103,22 +100,15 @@ class SweepResult:
                 rows.append((label, law, parameters))
                 label = ""  # stands only beside the first law
         rows += [("", law, meaning) for law, meaning in explanations(curves)]
+        figure = None
+        if len(self.failed) < len(self.rows):
+            figure = self.plot()
         return card(
             f"{self.summary['scene']}: {_counted(self)}",
             rows,
-            self._figure(),
+            figure,
             self.summary["warnings"],
         )
-
-    def _repr_png_(self) -> bytes | None:
-        """Return a picture for documents without HTML, such as those by LaTeX."""
-        figure = self._figure()
-        return figure._repr_png_() if figure else None
-
-    def _figure(self) -> Plot | None:
-        if len(self.failed) == len(self.rows):
-            return None
-        return self.plot()
 
     def plot(self, x: str | None = None, y: str | None = None) -> Plot:
         """Return a figure of Matplotlib, which may be changed and saved.
@@ -405,17 +395,15 @@ def print_sweep(result: SweepResult) -> None:
         print(f"{law}: {meaning}")
     _print_failures(result)
     counted = f"{_counted(result)}; {summary['wall_clock']:.1f} s"
-    files = f"files in {result.out}"
-    if part is None:
-        print(counted)
-        print(files)
-        return
-    print(f"part {part}: {counted}")
-    print(files)
-    print(
-        "when all parts are finished, repeat the command without --part to write table,"
-        " fits and figure"
-    )
+    if part is not None:
+        counted = f"part {part}: {counted}"
+    print(counted)
+    print(f"files in {result.out}")
+    if part is not None:
+        print(
+            "when all parts are finished, repeat the command without --part to write"
+            " table, fits and figure"
+        )
 
 
 def _print_failures(result: SweepResult) -> None:
@@ -466,29 +454,13 @@ def _stored(
 def _read_point(path: Path, scene: Scene) -> PointResult:
     try:
         result = PointResult(**json.loads(path.read_bytes()))
-        _check_point(result, scene)
+        float(result.numbers[scene.results[0]])
         return result
     except Exception as error:  # a damaged file may hold anything
         raise InputError(
             f"{path}: not the result of a point ({reason(error)}): delete the file to"
             " compute it again"
         ) from None
-
-
-def _check_point(result: PointResult, scene: Scene) -> None:
-    """Raise an error unless `result` is what `_write_point` writes for `scene`."""
-    if result.status != "done":
-        raise InputError(f"status: must be done, not {result.status!r}")
-    known = {*scene.results, *scene.optional_results, *DIAGNOSTICS}
-    for name in {*scene.results, *result.numbers}:
-        value: Any = result.numbers.get(name)
-        if name not in known:
-            raise InputError(f"{name}: unknown{did_you_mean(name, known)}")
-        is_number = type(value) in (int, float) and isfinite(value)
-        is_free = name == "integrator" or (name == "error_estimate" and value is None)
-        if not (is_number or is_free):
-            raise InputError(f"{name}: must be a finite number, not {value!r:.60}")
-    check_flags(estimated=result.estimated)
 
 
 def _write_point(out: Path, key: str, scene: Scene, result: PointResult) -> None:

@@ -54,11 +54,11 @@ def compute_task(
 def check_versions(
     worker: str, installed: dict[str, str], expected: dict[str, str]
 ) -> None:
-    mismatches = []
-    for name, version in expected.items():
-        version_there = installed.get(name)
-        if version_there != version:
-            mismatches.append(f"{name} {version_there} instead of {version}")
+    mismatches = [
+        f"{name} {installed.get(name)} instead of {version}"
+        for name, version in expected.items()
+        if installed.get(name) != version
+    ]
     if mismatches:
         raise InputError(
             f"a worker on {worker} has {', '.join(mismatches)}: install the same"

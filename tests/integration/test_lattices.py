@@ -177,7 +177,8 @@ def test_a_run_in_python_says_that_lattices_were_folded(notices):
     assert of_others.startswith("2 of 2 other lattices: ")
     assert notices.messages == result.warnings
     assert "see .warnings" in repr(result)
-    assert all(escape(text) in result._repr_html_() for text in result.warnings)
+    html = result._repr_html_()
+    assert all(escape(text) in html for text in result.warnings)
     assert result._repr_png_().startswith(b"\x89PNG")
 
 

@@ -70,12 +70,8 @@ def test_an_oblique_impact_says_where_it_goes(name, side):
     result = api.run(PLAYLIST[name].load().with_(SMALL), lattices=1)
     series = result.series
     text = result.scenario.conclusion(series)
-    angle = re.match(rf"It leaves (\d+)° to the {side} with ", text)
-    assert angle, text
-    slope = abs(series["com_vx"][-1] / series["com_vy"][-1])
-    assert np.tan(np.radians(float(angle[1]))) == pytest.approx(slope, rel=0.05)
     before, after = np.hypot(series["com_vx"], series["com_vy"])[[0, -1]]
-    kept = float(re.search(r"([\d.]+) of its speed", text)[1])
+    kept = float(re.search(rf"([\d.]+) of its speed, to the {side}", text)[1])
     assert kept == pytest.approx(after / before, abs=2e-3)
     friction = 100.0 * series["friction"][-1] / series["kinetic"][0]
     assert shares(text).get("friction", 0.0) == pytest.approx(friction, abs=0.51)

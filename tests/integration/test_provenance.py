@@ -39,7 +39,7 @@ def pictured(path):
         pytest.param("a.mp4", streamed, marks=pytest.mark.validate),
         pytest.param("a.webm", streamed, marks=pytest.mark.validate),
         pytest.param("a.gif", pictured, marks=pytest.mark.validate),
-        ("a.png", pictured),
+        pytest.param("a.png", pictured, marks=pytest.mark.validate),
         ("a", pictured),
     ],
 )

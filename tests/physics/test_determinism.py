@@ -6,11 +6,11 @@ import pytest
 from bodies import computed
 from numpy.testing import assert_array_equal
 
-IMPACT = ("exponential_wall", "lattice.points=80", "material.eta_star=0")
+IMPACT = ("exponential_wall", "lattice.points=60", "material.eta_star=0")
 SCENES = [
     IMPACT,
-    ("compression", "lattice.points=80", "compression.tolerance=1e-3"),
-    ("absorbing_wall", "lattice.points=80", "wall.points=100", "wall.width=3.0"),
+    ("compression", "lattice.points=40", "compression.tolerance=1e-3"),
+    ("absorbing_wall", "lattice.points=40", "wall.points=60", "wall.width=3.0"),
 ]
 
 

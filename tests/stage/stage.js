@@ -137,7 +137,10 @@ window.WebSocket = class {
   send(text) {
     const message = JSON.parse(text);
     const isSeen = message.do === "seen";
-    if (!isSeen || message.number !== stage.seen) note(`  send ${JSON.stringify(message, plain)}`);
+    if (isSeen && message.number === stage.seen) return;
+    const sent = JSON.stringify(message, plain);
+    if (stage.lines.at(-1)?.startsWith("  send ")) stage.lines.push(`${stage.lines.pop()} ${sent}`);
+    else note(`  send ${sent}`);
     if (isSeen) stage.seen = message.number;
   }
   close() {
@@ -234,16 +237,24 @@ function joined(lines) {
   return found;
 }
 
+// Note lines, and those that begin as the line before in one.
+function noteAlike(lines, beginning) {
+  let before = "none";
+  for (const line of lines) {
+    if (line.startsWith(`${before} `)) note(`${stage.lines.pop()};${line.slice(before.length)}`);
+    else note(line);
+    before = line.match(beginning)?.[0] ?? "none";
+  }
+}
+
 function perform(name, act, isLooked) {
   const title = stage.lines.push(name) - 1;
   act?.();
   drawFrame();
   const { drawn, everDrawn } = stage;
   const news = new Set(isLooked ? joined(drawn).filter((line) => !everDrawn.has(line)) : []);
-  for (const line of news) {
-    note(line);
-    everDrawn.add(line);
-  }
+  for (const line of news) everDrawn.add(line);
+  noteAlike(news, /^  (stroke|text|fill) \S+( of \S+)?/);
   const same = drawn.filter((line) => stage.lastDrawn.includes(line)).length;
   if (drawn.length) {
     stage.lines[title] += `; ${drawn.length} strokes and texts, ${same} as before`;
@@ -251,7 +262,8 @@ function perform(name, act, isLooked) {
   }
   stage.drawn = [];
   const shown = described(stage.root);
-  for (const line of shown) if (!stage.shown.includes(line)) note(line);
+  const newlyShown = shown.filter((line) => !stage.shown.includes(line));
+  noteAlike(newlyShown, /^  #\S+(?=.{0,110}$)/);
   const gone = stage.shown.filter((line) => !shown.includes(line)).length;
   if (gone) stage.lines[title] += `; ${gone} lines are gone`;
   stage.shown = shown;

@@ -170,13 +170,13 @@ def test_the_moduli_are_the_mean_over_lattices_however_many_rows_each_has():
     assert curve.y.shape == (1, 3)  # the lattice of which a point failed is left out
 
 
-def test_the_moduli_are_those_of_all_lattices_of_the_material():
+def test_the_moduli_are_those_of_the_lattices_of_the_curve():
     rows = pressed((0, 1e-3, 1.0), method="relaxation", points=300)
     rows += pressed((0, 1e-3, 1.0), (1, 1e-3, 1.2), method="newton", points=300)
     rows += pressed((0, 1e-3, 1.5), method="newton", points=60)
     axes = ["points", "method", "seed", "pressure"]
     curves = analyse(load_scene("compression"), axes, rows).curves
-    assert [curve.young for curve in curves] == pytest.approx([1.1, 1.1, 1.5])
+    assert [curve.young for curve in curves] == pytest.approx([1.0, 1.1, 1.5])
 
 
 def thrown(eta_star, name="eta_star", lattices=2):

@@ -258,7 +258,7 @@ def test_a_film(name, tmp_path, monkeypatch, record):
 
     def stamp(image, mark, ground, columns):
         ends = mark.corners.min(axis=(0, 1)), mark.corners.max(axis=(0, 1))
-        texts.append((f"mark {mark.ink}", f"{number(mark.rim)} at {place(ends)}"))
+        texts.append(("mark", f"{mark.ink} {number(mark.rim)} at {place(ends)}"))
 
     pen = SimpleNamespace(Draw=lambda image: SimpleNamespace(text=letters))
     monkeypatch.setattr(finisher, "ImageDraw", pen)
@@ -542,7 +542,7 @@ def short(value, name=""):
 
 
 def of_json(value):
-    style = {"width": 400, "allow_unicode": True, "sort_keys": False}
+    style = {"width": 10_000, "allow_unicode": True, "sort_keys": False}
     return yaml.safe_dump(short(value), **style, default_flow_style=None).splitlines()
 
 
@@ -572,12 +572,15 @@ def test_films_that_are_pages(tmp_path, record):
         head, data = packed(path)
         captions = head["runs"][0]["captions"]
         head["runs"][0]["captions"] = [captions[k] for k in (0, 12, 20, -1)]
-        curves = [str([*short(one).values()]) for one in head.pop("curves")]
+        curves = "; ".join(str([*short(one).values()]) for one in head.pop("curves"))
         for key in ("quantities", "themes"):  # of any scene: they are among messages
             del head["runs"][0]["scene"][key]
-        notes |= dict.fromkeys([name, *of_json(head), *curves])
+        limits = short(head["runs"][0].pop("limits"))
+        notes |= dict.fromkeys([name, *of_json(head), str(limits), curves])
+        arrays = {}
         for key, (first, count) in head["runs"][0]["arrays"].items():
             assert first % 4 == 0  # as JavaScript wants it
             array = np.frombuffer(data, TYPES.get(key, "u1"), count, first)
-            notes[f"{key} {digest(array)}"] = None
+            arrays[key] = digest(array)
+        notes[str(arrays)] = None
     record("pages_of_films", notes)

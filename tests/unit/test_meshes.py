@@ -69,7 +69,7 @@ def test_a_package_that_a_format_needs_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(meshio, "read", read)
     path = tmp_path / "a.med"
     path.write_bytes(b"-")
-    with pytest.raises(InputError, match=r"\(it needs h5py: .* install 'h5py'\): "):
+    with pytest.raises(InputError, match=r"\(it needs h5py: .* install .*'h5py'\): "):
         Lattice.read(path)
 
 
@@ -133,11 +133,11 @@ $EndPhysicalNames
 $Nodes
 2
 1 0 0 0
-{last} 1 0 0
+2 1 0 0
 $EndNodes
 $Elements
 1
-1 1 2 7 1 1 {last}
+1 1 2 7 1 1 2
 $EndElements
 """
 
@@ -145,13 +145,7 @@ $EndElements
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        (
-            "a.msh",
-            CURVE.format(last=2),
-            r"\(physical groups: rim\); if there",
-        ),
-        ("a.msh", CURVE.format(last=10**13), "has a number above 99,999,999"),
-        ("a.inp", "*NODE\n1,0,0\n*Include,INPUT=a.inp\n", "it includes another file"),
+        ("a.msh", CURVE, r"\(physical groups: rim\); if there"),
         ("a.dat", "0 1\n", r"it is no .dat file\): write its points as a table"),
         ("a.xyz", "0\n", r"write its points as a table \(.csv\)"),
     ],
@@ -177,7 +171,7 @@ def test_a_damaged_mesh_is_refused_and_nothing_printed(tmp_path, capfd, name, co
 def test_without_meshio_the_message_says_how_to_install_it(tmp_path, monkeypatch):
     path = write(tmp_path / "a.vtu", solid(DISK.positions), ("line", [[0, 1]]))
     monkeypatch.setitem(sys.modules, "meshio", None)
-    with pytest.raises(InputError, match=r"pip install '\.\[export\]'"):
+    with pytest.raises(InputError, match=r"pip install .*'\.\[export\]'"):
         Lattice.read(path)
 
 

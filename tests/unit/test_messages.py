@@ -2,6 +2,7 @@
 
 import json
 import re
+from itertools import groupby
 
 import numpy as np
 from shown import digest, number, numbers
@@ -57,9 +58,18 @@ def test_a_page_is_sent_what_is_recorded(playlist, kernels, record, monkeypatch)
             session.sandbox.advance(0.05, max_seconds=60.0)
             session.advance()
         found = list(told(session))
-        lines += [one for one in found if one not in before]
+        news = [one for one in found if one not in before]
+        for _, alike in groupby(news, message_of):
+            lines.append(";".join(alike))
         before = found
     record("messages", lines)
+
+
+def message_of(line):
+    """Return the kind of a short line's message, which is read with its neighbours."""
+    if len(line) > 60:
+        return line
+    return re.match(r"  \w+", line)[0]
 
 
 def told(session):

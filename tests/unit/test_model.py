@@ -13,11 +13,21 @@ from taichi_disk.engine import ti
 from taichi_disk.integrators import TRAPEZOIDAL, VELOCITY_VERLET
 from taichi_disk.lattice import Lattice
 from taichi_disk.physics import BodyForce, ExponentialWall, Load, Springs
+from taichi_disk.physics.law import Capacity
+from taichi_disk.physics.ordering import BLOCK
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.observables import INDEX
 from taichi_disk.simulation.simulation import KernelCache, Simulation, compiled_for
 
 VV = VELOCITY_VERLET
+
+
+@pytest.fixture
+def cache(kernels, monkeypatch):
+    """Return a KernelCache whose programs for 60 points have no room for 130."""
+    least = Capacity(60, 240 // BLOCK, 27 * 60)
+    monkeypatch.setattr("taichi_disk.simulation.simulation.MIN_CAPACITY", least)
+    return KernelCache()
 
 
 def test_equal_springs_have_their_own_kernel_and_masses_need_no_other_kernel(kernels):
@@ -108,15 +118,15 @@ def test_after_laws_of_a_user_that_fail_other_laws_are_computed(kernels):
     assert row[INDEX["com_vy"]] == pytest.approx(-0.05 - 1e-3)
 
 
-def test_simulations_of_one_program_move_as_each_does_alone(kernels):
+def test_simulations_of_one_program_move_as_each_does_alone(cache):
     # a larger lattice even takes the place of the program
-    bodies = [disk(60, height=0.03), disk(60, 1, height=0.05), disk(13_000)]
+    bodies = [disk(60, height=0.03), disk(60, 1, height=0.05), disk(130)]
     alone = {}
     for k, body in enumerate(bodies):
-        one = kernels.simulation(body, FALLING, VV, moving_down(body, 0.05), 1e-3)
+        one = cache.simulation(body, FALLING, VV, moving_down(body, 0.05), 1e-3)
         alone[k] = one.advance(40, 5)[0]
     together = [
-        kernels.simulation(body, FALLING, VV, moving_down(body, 0.05), 1e-3)
+        cache.simulation(body, FALLING, VV, moving_down(body, 0.05), 1e-3)
         for body in bodies
     ]
     rows = [[one.advance(10, 5)[0] for one in together] for _ in range(4)]
@@ -132,17 +142,16 @@ def of_the_user(value: ti.i32) -> ti.i32:
     return value + 1
 
 
-def test_a_larger_lattice_is_computed_after_a_kernel_in_a_thread_of_the_user():
+def test_a_larger_lattice_is_computed_after_a_kernel_in_a_thread_of_the_user(cache):
     # Taichi then cannot delete fields that are older than the thread.
-    own = KernelCache()
     small = disk(30, height=1.0)
     v = moving_down(small, 0.05)
-    first = own.simulation(small, FALLING, VV, v, 1e-3)
+    first = cache.simulation(small, FALLING, VV, v, 1e-3)
     with ThreadPoolExecutor(1) as thread:
         assert thread.submit(of_the_user, 1).result() == 2
-    damped_one = own.simulation(small, damped(0.1), VV, v, 1e-3)
-    large = disk(13_000, height=1.0)
-    second = own.simulation(large, FALLING, VV, moving_down(large, 0.05), 1e-3)
+    damped_one = cache.simulation(small, damped(0.1), VV, v, 1e-3)
+    large = disk(130, height=1.0)
+    second = cache.simulation(large, FALLING, VV, moving_down(large, 0.05), 1e-3)
     for body, one in ((small, first), (small, damped_one), (large, second)):
         one.advance(1)
         moved = one.positions() - body.positions

@@ -6,6 +6,7 @@ import os
 import random
 import shutil
 import subprocess
+import time
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,14 @@ def say(session, kind, **more):
     assert message
     session.hear(message)
     session.advance()
+
+
+def until(session, is_reached):
+    """Let time pass; a minute must be enough."""
+    end = time.monotonic() + 60.0
+    while not is_reached():
+        assert time.monotonic() < end
+        session.advance()
 
 
 def panel(session):
@@ -125,8 +134,7 @@ def test_a_slider_that_is_held_while_the_scene_changes_is_let_be(session):
 @pytest.mark.skipif(not shutil.which("node"), reason="no node")
 def test_the_page_reads_from_a_state_what_the_sandbox_sees(session, tmp_path):
     say(session, "press", key="space")
-    while session.sandbox.time.display.values["wall_force"] < 1e-3:
-        session.advance()
+    until(session, lambda: session.sandbox.time.display.values["wall_force"] >= 1e-3)
     (tmp_path / "state").write_bytes(session.messages["state"])
     shutil.copy(WEB / "message.js", tmp_path / "message.mjs")
     code = f"""
@@ -164,8 +172,7 @@ def test_the_panel_shows_all_warnings_of_a_run_and_whether_the_user_interfered(s
     assert any("per point" in one for one in panel(session)["warnings"])
     assert panel(session)["status"] == "same as taichi-disk run"
     say(session, "press", key="space")
-    while session.sandbox.at_start:
-        session.advance()
+    until(session, lambda: not session.sandbox.at_start)
     say(session, "set", key="material.eta_star", value=3.0)
     assert panel(session)["status"] == "disturbed"
     options = {one["key"]: one["options"] for one in panel(session)["choices"]}
@@ -186,8 +193,7 @@ def test_a_curve_is_collected_by_itself_and_stops_when_asked(session, monkeypatc
     monkeypatch.setattr("taichi_disk.window.sandbox.COLLECTING_PACE", 1e4)
     say(session, "set", key="speed", value=100.0)
     say(session, "collect")
-    while len(session.sandbox.results) < 2:
-        session.advance()
+    until(session, lambda: len(session.sandbox.results) > 1)
     first, second = panel(session)["results"]
     assert first["load"] > second["load"] and not first["disturbance"]
     scenario = session.sandbox.scene.with_(velocity=first["load"]).scenario()
@@ -200,8 +206,7 @@ def test_a_curve_is_collected_by_itself_and_stops_when_asked(session, monkeypatc
     say(session, "set", key="impact.velocity", value=0.04)
     scene = session.sandbox.scene
     say(session, "collect")
-    while panel(session)["collecting"]:
-        session.advance()
+    until(session, lambda: not panel(session)["collecting"])
     assert len(panel(session)["results"]) == 2 + CURVE_POINTS
     assert session.sandbox.scene == scene
     assert panel(session)["paused"] and panel(session)["atStart"]
@@ -267,8 +272,7 @@ def test_an_error_in_a_command_is_named_and_all_go_on(session, monkeypatch, capf
     assert panel(session)["paused"] and session.sandbox.at_start
     monkeypatch.undo()
     say(session, "press", key="space")
-    while session.sandbox.at_start:
-        session.advance()
+    until(session, lambda: not session.sandbox.at_start)
 
 
 @pytest.mark.validate

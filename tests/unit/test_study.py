@@ -18,7 +18,6 @@ from taichi_disk.accuracy.study import (
     sentence,
 )
 from taichi_disk.computation.outcome import compute
-from taichi_disk.computation.stability import spectrum
 from taichi_disk.progress import silent
 
 STEP = StepError(
@@ -81,8 +80,7 @@ def test_points_from_a_file_have_no_other_sample(tmp_path):
 def study_of(scene, *settings):
     loaded = load_scene(scene, settings)
     scenario = loaded.scenario()
-    limits = spectrum(scenario.lattice, scenario.model)
-    return StepStudy(scenario, limits, compute(scenario, estimate=False))
+    return StepStudy(scenario, compute(scenario, estimate=False))
 
 
 @pytest.mark.validate
@@ -91,7 +89,7 @@ def test_errors_fall_with_the_square_of_the_step(monkeypatch):
     monkeypatch.setattr(steps, "FRACTIONS", (0.4, 0.2, 0.1))
     monkeypatch.setattr(steps, "REPEATS", 1)
     study = study_of("exponential_wall", "lattice.points=30", "material.eta_star=20")
-    found = study.measure(lambda number: None)
+    found = study.measure(silent)
     assert sum(point.is_default for point in found) == 1
     for integrator in ("velocity_verlet", "trapezoidal"):
         own = [one for one in found if one.integrator == integrator]
