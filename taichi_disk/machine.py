@@ -29,14 +29,11 @@ DRIVER_VARIABLES = ("VK_DRIVER_FILES", "VK_ICD_FILENAMES", "LD_LIBRARY_PATH")
 def cores() -> int:
     """Return the number of cores that this process may use, at least 1: those of its
     affinity, and no more than the CPU quota of its container, rounded up."""
-    if hasattr(os, "process_cpu_count"):  # Python 3.13
-        count = os.process_cpu_count()
-    elif hasattr(os, "sched_getaffinity"):
+    count = os.cpu_count() or 1
+    if hasattr(os, "sched_getaffinity"):
         count = len(os.sched_getaffinity(0))
-    else:
-        count = os.cpu_count()
     quota = cpu_quota(Path("/proc/self/cgroup"), Path("/sys/fs/cgroup"))
-    return int(max(1, min(count or 1, quota)))
+    return int(max(1, min(count, quota)))
 
 
 def cpu_quota(membership: Path, root: Path) -> float:

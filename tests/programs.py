@@ -10,6 +10,9 @@ import zlib
 import numpy as np
 from PIL import Image
 
+from taichi_disk.errors import NoPictures
+from taichi_disk.render.artist import Artist
+
 
 def python(*words, **options):
     """Run Python with these arguments, and return the process that has ended."""
@@ -27,6 +30,15 @@ def printed_by(*words, **options):
 def command(*words, **options):
     """Run `taichi-disk` in a process of its own."""
     return python("-m", "taichi_disk", *words, **options)
+
+
+def film_problem():
+    """Return why this machine cannot make films, or None."""
+    try:
+        Artist().require_film()
+    except NoPictures as problem:
+        return str(problem)
+    return None
 
 
 def summary_in(folder):

@@ -425,9 +425,9 @@ class Result(Outcome):
                     runs,
                     section,
                     progress or silent,
+                    artist,
                     Span(at, start, end),
                     labels,
-                    artist,
                 )
         finally:
             files.remove_empty(made)  # they are empty if there is no film

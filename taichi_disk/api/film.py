@@ -16,9 +16,9 @@ def film(
     runs: Sequence[Run],
     video: VideoSection,
     progress: Progress,
+    artist: Artist,
     span: Span = WHOLE,
     labels: Sequence[str] = (),
-    artist: Artist | None = None,
 ) -> None:
     """Film `runs` side by side into `path`. Arguments and errors are those of
     `render.film.draw_film`; for .html a page is written, which needs no Vulkan."""
@@ -29,4 +29,4 @@ def film(
     else:
         from taichi_disk.render.film import draw_film
 
-        draw_film(path, runs, video, progress, span, labels, artist)
+        draw_film(path, runs, video, progress, artist, span, labels)

@@ -245,9 +245,9 @@ def _film(path: Path, outcome: Outcome, artist: Artist, progress: Progress) -> N
     if section.format == "png":
         name = "frames"
     try:
-        film(path / name, [outcome], section, progress, artist=artist)
+        film(path / name, [outcome], section, progress, artist)
     except NoPictures as error:
-        film(path / "video.html", [outcome], section, progress)
+        film(path / "video.html", [outcome], section, progress, artist)
         text = f"the film is video.html, a page for any browser, because {error}"
         NOTICES.info(text)
         _add(outcome.summary, "notes", text)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 NAME = next((name for name in ("taichi", "taichi_forge") if find_spec(name)), "taichi")
 PACKAGE = NAME.replace("_", "-")
-IS_FORK = NAME != "taichi"
+WITH_KNOWN_SHADERS = {"taichi": "1.7.4"}  # see `render.shaders`
 
 
 def __getattr__(name: str) -> Any:

@@ -133,7 +133,7 @@ def field(
         compute = own_values
     values = compute(name, Triangles(lattice), springs, x, v)
     if name == "fringes":
-        values = fringes(0.5 * values)
+        values = fringes(values)
     return Field(values, place, kind.unit)
 
 
@@ -153,11 +153,9 @@ def own_values(
         return springs.strain(lattice, x)
     if name == "force":
         return springs.tension(lattice, x)
-    n = lattice.disk_points
-    masses = lattice.masses[:n]
     relative = v.copy()
-    relative[:n] -= masses @ v[:n] / masses.sum()
-    speed = np.hypot(relative[:, 0], relative[:, 1])
+    relative[: lattice.disk_points] -= lattice.mean(v)
+    speed = np.hypot(*relative.T)
     if name == "speed":
         return speed
     return 0.5 * lattice.masses * speed**2
@@ -170,14 +168,13 @@ def at_points(
     between these values.
 
     Triangles around a point are weighted with their areas, springs at a point equally.
-    Shear is computed from the averaged stress. For "fringes" the result is twice the
-    shear, the argument of `fringes`.
+    Shear is computed from the averaged stress.
     """
     if name in _OF_STRESS:
         return _OF_STRESS[name](point_stress(triangles, springs, x))
     if name == "rate":
-        rates = triangles.around(triangles.area_rates(x, v))
-        return -rates / triangles.around(triangles.areas(x))
+        rates = triangles.around @ triangles.area_rates(x, v)
+        return -rates / (triangles.around @ triangles.areas(x))
     values = own_values(name, triangles, springs, x, v)
     if QUANTITIES[name].on == "springs":
         ends = triangles.lattice.bonds.ravel()
@@ -185,18 +182,18 @@ def at_points(
     return values
 
 
-def fringes(largest_shear: Array) -> Array:
-    """Return the brightness sin^2(pi * 2 shear/fringe) in a dark-field circular
+def fringes(difference: Array) -> Array:
+    """Return the brightness sin^2(pi difference/fringe) in a dark-field circular
     polariscope.
 
-    `largest_shear` [M c^2/R^2]: maximum shear stress. The fringe, a stress difference,
-    is such that there are FRINGES in all.
+    `difference` [M c^2/R^2]: of the principal stresses, twice the shear. The fringe is
+    such that there are FRINGES in all.
     """
     fringe = 1.0
-    maximum = float(largest_shear.max(initial=0.0))
+    maximum = difference.max(initial=0.0)
     if maximum > STRESS_ROUNDING:
-        fringe = 2.0 * maximum / FRINGES
-    return np.sin(2.0 * np.pi * largest_shear / fringe) ** 2
+        fringe = maximum / FRINGES
+    return np.sin(np.pi * difference / fringe) ** 2
 
 
 # ---- stress
@@ -214,6 +211,7 @@ class Triangles:
         interfaces: (k, 2) int32 sides between materials of different stiffness; empty
             beyond MAX_MATERIALS.
         carried: sparse matrix (t, m) that sums what springs carry over a triangle.
+        around: sparse matrix (n, t) that sums over the triangles around a point.
     """
 
     def __init__(self, lattice: Lattice) -> None:
@@ -237,19 +235,19 @@ class Triangles:
         # not imported where pictures are only finished
         from scipy.sparse import csr_array, identity
 
-        # Three matrices for sums: `carried` over the springs of a triangle, `_around`
+        # Three matrices for sums: `carried` over the springs of a triangle, `around`
         # over the triangles around a point, `_neighbours` over a point and its
         # neighbours.
         owner = np.repeat(np.arange(t), 3)  # the triangle of each side
         ones = np.ones(3 * t)
-        self._around = csr_array((ones, (self.triangles.ravel(), owner)), (n, t))
+        self.around = csr_array((ones, (self.triangles.ravel(), owner)), (n, t))
         self.carried = csr_array((self.fraction[spring], (owner, spring)), (t, m))
         if len(self.crossing):
             point = self.crossing.ravel()
             column = np.repeat(np.flatnonzero(count == 0), 2)
-            fraction = 0.5 / self._around.sum(axis=1)[point]
+            fraction = 0.5 / self.around.sum(axis=1)[point]
             at_ends = csr_array((fraction, (point, column)), (n, m))
-            self.carried = csr_array(self.carried + self._around.T @ at_ends)
+            self.carried = csr_array(self.carried + self.around.T @ at_ends)
         pairs = csr_array((np.ones(m), lattice.bonds.T), (n, n))
         self._neighbours = csr_array(pairs + pairs.T + identity(n))
 
@@ -306,11 +304,6 @@ class Triangles:
         virials[:, 2] = pull_x * ry
         return virials
 
-    def around(self, integrals: Array) -> Array:
-        """Return the sums (n, ...) of `integrals` (t, ...) over the triangles around
-        each point."""
-        return self._around @ integrals
-
     def smoothed(self, values: Array, passes: int) -> Array:
         """Replace point values (n, k) by the mean of the point and its neighbours,
         `passes` times."""
@@ -331,8 +324,8 @@ def point_stress(triangles: Triangles, springs: Springs, x: Array) -> Array:
     """Return the stress at the points (n, 3): the area-weighted mean over the triangles
     around each."""
     integrals = triangles.carried @ triangles.virials(springs, x)
-    areas = triangles.around(triangles.areas(x))
-    return triangles.around(integrals) / areas[:, None]
+    areas = triangles.around @ triangles.areas(x)
+    return triangles.around @ integrals / areas[:, None]
 
 
 def smooth_stress(triangles: Triangles, springs: Springs, x: Array) -> Array:

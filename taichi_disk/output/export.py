@@ -3,7 +3,7 @@ quantities."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -11,12 +11,14 @@ from itertools import repeat
 from math import inf
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import IO, TYPE_CHECKING, Any, NamedTuple
+from typing import IO, Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import yaml
 
+from taichi_disk.computation.driver import State
+from taichi_disk.computation.scenario import Scenario
 from taichi_disk.errors import InputError, install_extra
 from taichi_disk.fields import Triangles, point_stress, pressure, stress
 from taichi_disk.lattice import Array, Lattice
@@ -28,15 +30,8 @@ from taichi_disk.output.files import (
     prepare_output,
     write_text,
 )
-
-if TYPE_CHECKING:
-    from taichi_disk.computation.driver import State
-    from taichi_disk.computation.scenario import Scenario
-    from taichi_disk.physics.model import Model
-    from taichi_disk.scenes.scene import DiskScene
-
-
-BLOCK = 10_000  # rows of a text file that are formatted together
+from taichi_disk.physics.model import Model
+from taichi_disk.scenes.scene import DiskScene
 
 
 @dataclass(frozen=True)
@@ -57,13 +52,11 @@ def _frames(
     lattice: Lattice, model: Model, moments: Iterable[State]
 ) -> Iterator[Frame]:
     triangles = Triangles(lattice)
+    wall: Any = model.wall  # every scene has one
     for time, x, v in moments:
         contact = np.zeros_like(x)
-        wall_energy = 0.0
-        if model.wall is not None:
-            touching, forces = model.wall.contact_forces(lattice, x, v, model.springs)
-            contact[touching] = forces
-            wall_energy = model.wall.energy(lattice, x)
+        touching, forces = wall.contact_forces(lattice, x, v, model.springs)
+        contact[touching] = forces
         in_triangles = stress(triangles, model.springs, x)
         at_points = point_stress(triangles, model.springs, x)
         springs = {
@@ -85,7 +78,7 @@ def _frames(
             energies={
                 "kinetic": float(0.5 * lattice.masses @ (v * v).sum(axis=1)),
                 "elastic": float(springs["energy"].sum()),
-                "wall": wall_energy,
+                "wall": wall.energy(lattice, x),
             },
         )
 
@@ -150,9 +143,7 @@ def _write_rows(file: IO[str], species: str, table: Array) -> None:
     """Write a line of `species` and numbers for each row, as `np.savetxt` would, which
     formats one row at a time and takes twice as long."""
     line = f"{species} {' '.join(repeat('%.12g', table.shape[1]))}\n"
-    for first in range(0, len(table), BLOCK):
-        rows = table[first : first + BLOCK]
-        file.write(len(rows) * line % tuple(rows.ravel().tolist()))
+    file.write(len(table) * line % tuple(table.ravel().tolist()))
 
 
 def _xyz_columns(lattice: Lattice, frame: Frame) -> dict[str, Array]:
@@ -162,7 +153,8 @@ def _xyz_columns(lattice: Lattice, frame: Frame) -> dict[str, Array]:
         "pos": frame.positions,
         "velo": frame.velocities,
         "mass": lattice.masses,
-        "radius": np.full(n, _radius(lattice)),
+        # a quarter of a spring, so balls of this radius leave springs visible
+        "radius": np.full(n, 0.25 * float(np.median(lattice.rest_lengths))),
         "masses": lattice.masses,
         "momenta": lattice.masses[:, None] * frame.velocities,
         "contact_force": frame.points["contact_force"],
@@ -279,12 +271,6 @@ def _npz_arrays(frame: Frame) -> dict[str, Array]:
     return {name: np.asarray(value) for name, value in arrays.items()}
 
 
-def _radius(lattice: Lattice) -> float:
-    """Return a radius [R] at which programs can draw points as balls: a quarter of a
-    spring, so springs are visible."""
-    return 0.25 * float(np.median(lattice.rest_lengths))
-
-
 def _three_dimensional(values: Array) -> Array:
     """Return vectors (n, 2) with z = 0, stresses (n, 3) as XX, YY, ZZ, XY, XZ, YZ, and
     scalars unchanged."""
@@ -300,30 +286,25 @@ def _each_three_dimensional(quantities: dict[str, Array]) -> dict[str, Array]:
     return {name: _three_dimensional(values) for name, values in quantities.items()}
 
 
-class Format(NamedTuple):
-    suffix: str
-    write: Callable[[Path, DiskScene, Lattice, Iterator[Frame]], None]
-    package: str = ""  # required by the format
-
-
+# suffix and writer of each format
 FORMATS = {
-    "xyz": Format(".xyz", _write_xyz),
-    "vtu": Format(".pvd", _write_vtu, "meshio"),
-    "npz": Format(".npz", _write_npz),
+    "xyz": (".xyz", _write_xyz),
+    "vtu": (".pvd", _write_vtu),
+    "npz": (".npz", _write_npz),
 }
 
 
-def check_export(path: Path, format: str | None = None) -> tuple[Path, Format]:
-    """Return the file and the format of an export; call this before anything is
-    computed.
+def check_export(path: Path, format: str | None = None) -> tuple[Path, str]:
+    """Return the file and the name of the format of an export; call this before
+    anything is computed.
 
     `path`: a file whose suffix names the format, or a folder; `format`: one of FORMATS,
     if `path` is a folder. Raises InputError if the format does not exist, its package
     is missing, or the folder is not writable.
     """
     if path.is_dir() and format in FORMATS:
-        path = path / f"trajectory{FORMATS[format].suffix}"
-    by_suffix = {kind.suffix: name for name, kind in FORMATS.items()}
+        path = path / f"trajectory{FORMATS[format][0]}"
+    by_suffix = {suffix: name for name, (suffix, _) in FORMATS.items()}
     name = by_suffix.get(path.suffix)
     if name is None or format not in (None, name):
         target = str(path)
@@ -331,14 +312,13 @@ def check_export(path: Path, format: str | None = None) -> tuple[Path, Format]:
             target += f" as {format}"
         endings = ", ".join(f"{name} ({suffix})" for suffix, name in by_suffix.items())
         raise InputError(f"cannot export to {target}: the formats are {endings}")
-    kind = FORMATS[name]
-    if kind.package and find_spec(kind.package) is None:
-        needed = f"the format {name} needs the package {kind.package}"
-        raise InputError(f"{needed}: {install_extra('export')}")
-    prepare_output(path.parent)
-    if kind.write is _write_vtu:
+    if name == "vtu":
+        if find_spec("meshio") is None:
+            needed = "the format vtu needs the package meshio"
+            raise InputError(f"{needed}: {install_extra('export')}")
         check_pictures(path.with_suffix(""))
-    return path, kind
+    prepare_output(path.parent)
+    return path, name
 
 
 def export_run(
@@ -350,13 +330,14 @@ def export_run(
     Raises InputError as `check_export` does, and SimulationError if the file cannot be
     written.
     """
-    path, kind = check_export(path, format)
+    path, name = check_export(path, format)
     scene = scenario.stored_scene
     lattice = scenario.lattice
     frames = _frames(lattice, scenario.model, moments)
+    _, write = FORMATS[name]
     # writes several files, and makes them appear at once by itself
-    if kind.write is _write_vtu:
-        _write_vtu(path, scene, lattice, frames)
+    if name == "vtu":
+        write(path, scene, lattice, frames)
     else:
-        atomic_write(path, lambda new: kind.write(new, scene, lattice, frames))
+        atomic_write(path, lambda new: write(new, scene, lattice, frames))
     return path

@@ -81,10 +81,6 @@ def cannot_write(out: Path, error: BaseException) -> InputError:
     )
 
 
-def holds_working_directory(folder: Path) -> bool:
-    return Path.cwd().is_relative_to(folder.resolve())
-
-
 # ---- atomic writing: files are written under a hidden name and then renamed
 
 

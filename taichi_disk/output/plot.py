@@ -288,7 +288,7 @@ def _draw_run(figure: Any, scene: PlotScene) -> None:
 def _mark_vibration(ax: Any, columns: Columns) -> None:
     """Mark the energy of vibration, kinetic and elastic, that is left after an impact
     by a dot."""
-    flight = columns["translation"][0] if "translation" in columns else 0.0
+    flight = columns["translation"][0]
     if not flight:
         return
     left = vibration_left(columns)

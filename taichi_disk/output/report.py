@@ -117,18 +117,13 @@ def shown(
     """
     if error is None or not error < 1e9:  # also true for NaN
         return f"{value:.{DIGITS if exact else UNESTIMATED_DIGITS}g}", ""
-    bound = Decimal(repr(max(error, _smallest_error(value))))
+    # no smaller, so that a value has at most 12 digits
+    bound = Decimal(repr(max(error, 1e-10 * abs(value), 1e-300)))
     last_digit = Decimal(1).scaleb(min(0, bound.adjusted() - 1))
     rounded = bound.quantize(last_digit, ROUND_CEILING)
     text = _plain_or_power(Decimal(repr(value)).quantize(last_digit), value, error)
     style = "f" if rounded >= PLAIN_ERROR else "e"
     return text, f"± {rounded:{style}} ({source})"
-
-
-def _smallest_error(value: float) -> float:
-    """Return the smallest error that is printed, so that a value has at most 12
-    digits."""
-    return max(1e-10 * abs(value), 1e-300)
 
 
 def _plain_or_power(rounded: Decimal, value: float, error: float) -> str:

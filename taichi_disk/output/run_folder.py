@@ -92,8 +92,11 @@ class RunFolder:
 
     def take_over(self) -> None:
         """Copy earlier films and trajectories of the same run."""
-        for earlier in self._earlier_pictures():
-            files.atomic_write(self.path / earlier.name, partial(files.copy, earlier))
+        with suppress(InputError):  # something else has appeared there
+            if stored_run(self.out).identity != self.replaceable[0]:
+                return
+            for one in filter(PICTURES.fullmatch, os.listdir(self.out)):
+                files.atomic_write(self.path / one, partial(files.copy, self.out / one))
 
     def film(self) -> str | None:
         """Return the name of a film in the folder, or None."""
@@ -101,12 +104,6 @@ class RunFolder:
             if (self.path / name).exists():
                 return name
         return None
-
-    def _earlier_pictures(self) -> list[Path]:
-        with suppress(InputError):  # something else has appeared there
-            if stored_run(self.out).identity == self.replaceable[0]:
-                return [p for p in self.out.iterdir() if PICTURES.fullmatch(p.name)]
-        return []
 
     def choose(self, folders: Iterable[Path], status: str, advice: str = "") -> Path:
         """Return the first of `folders` that a run with `status` may become. Raises

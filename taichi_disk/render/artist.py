@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import gc
 import os
-import pickle
 import sys
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -19,8 +18,8 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_disk.errors import SimulationError
-from taichi_disk.machine import can_start_python, driver_state
+from taichi_disk.errors import NoPictures, SimulationError
+from taichi_disk.machine import can_start_python, driver_problem, driver_state
 from taichi_disk.processes.pool import Pool, result_of
 
 # after this time a picture is drawn again in this process [s]; it takes 0.5 s, but a
@@ -44,24 +43,30 @@ class Artist:
         self._pool = pool
         self._trial = trial
 
-    def driver_state(self) -> str:
-        """Return what is wrong with the Vulkan drivers, or ""; they are tried in the
-        second process, if it makes a film."""
+    def require_film(self) -> None:
+        """Raise NoPictures, with what helps, unless this machine can make films. Needs
+        no `ti.init`. The Vulkan drivers are tried in the second process, if it makes a
+        film."""
+        from taichi_disk.engine import internals, ti
+
         try:
-            return self._trial()
+            state = self._trial()
         except BrokenExecutor as error:
-            return f"crashed with {error}"
+            state = f"crashed with {error}"
         except TimeoutError:
-            return f"did not answer for {_TRIAL_TIME:g} s"
+            state = f"did not answer for {_TRIAL_TIME:g} s"
+        if not state and not internals.has_vulkan(ti):
+            state = "cannot be used by Taichi"
+        if state:
+            raise NoPictures(driver_problem(state))
 
     def begin(self, draw: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
         """Begin `draw(*arguments)`, and return a function that waits for its value.
         Function, arguments and value are pickled."""
         here = partial(draw, *arguments)
-        if self._pool is not None:
-            with suppress(pickle.PicklingError, AttributeError):
-                return partial(_finish, self._pool.submit(draw, *arguments), here)
-        return here
+        if self._pool is None:
+            return here
+        return partial(_finish, self._pool.submit(draw, *arguments), here)
 
     @contextmanager
     def employ(self, worker: Any, *arguments: Any) -> Iterator[Callable[..., None]]:
@@ -155,9 +160,7 @@ def drawing_process(film: bool) -> Iterator[Artist]:
             if film:
                 tried = pool.submit(driver_state)
                 trial = partial(result_of, tried, _TRIAL_TIME)
-            pool.submit(_import_matplotlib)
-            if film:
-                pool.submit(_import_finisher)
+            pool.submit(_import, film)
     try:
         yield Artist(pool, trial)
     finally:
@@ -165,13 +168,12 @@ def drawing_process(film: bool) -> Iterator[Artist]:
             pool.kill()
 
 
-def _import_matplotlib() -> None:
+def _import(film: bool) -> None:
     gc.disable()  # the process ends before collecting would pay
     import matplotlib.backends.backend_agg
     import matplotlib.figure  # noqa: F401
 
+    if film:
+        import av  # noqa: F401
 
-def _import_finisher() -> None:
-    import av  # noqa: F401
-
-    import taichi_disk.render.finisher  # noqa: F401
+        import taichi_disk.render.finisher  # noqa: F401

@@ -2,36 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import NOTICES, InputError
-from taichi_disk.output.files import (
-    atomic_write,
-    check_pictures,
-    holds_working_directory,
-    origin,
-)
+from taichi_disk.output.files import atomic_write, check_pictures, origin
 from taichi_disk.output.panel import PanelScene
 from taichi_disk.progress import Progress
-from taichi_disk.render import require_film
 from taichi_disk.render.artist import Artist
 from taichi_disk.render.letters import Letters, lacking
 from taichi_disk.render.moments import (
     EASE,
+    MOMENTS,
     WHOLE,
     Caption,
     Run,
     Span,
     captions,
-    check_runs,
     cues,
     ringing,
-    still_cue,
+    time_of,
     titles,
 )
 from taichi_disk.render.painter import Painter
@@ -50,6 +43,7 @@ _MIN_PANEL_LINES = 20
 # The springs of larger lattices are left out of a GIF, where they take two thirds of
 # the bytes and are less than 10 pixels apart.
 _GIF_POINTS = 800
+FEWEST = 3  # pictures of a film
 _LABEL_SIZE = 1.5  # size of a comparison's differing keys, relative to the title
 
 
@@ -63,7 +57,7 @@ def check_target(path: Path) -> None:
             " for a folder of numbered pictures"
         )
     if not path.suffix:
-        if holds_working_directory(path):
+        if Path.cwd().is_relative_to(path.resolve()):
             raise InputError(
                 f"cannot film into {path}: pictures would replace the current folder;"
                 " name another"
@@ -76,9 +70,9 @@ def draw_film(
     runs: Sequence[Run],
     video: VideoSection,
     progress: Progress,
+    artist: Artist,
     span: Span = WHOLE,
     labels: Sequence[str] = (),
-    artist: Artist | None = None,
 ) -> None:
     """Film `runs` side by side into `path`, at equal times and with one scale of
     colours.
@@ -90,17 +84,17 @@ def draw_film(
         path: .mp4, .webm or .gif; .png for one picture; without a suffix a folder of
             pictures 00001.png, 00002.png, … The file appears when it is complete, and
             replaces an older one.
+        artist: finishes the pictures and encodes them.
         span: filmed part of the runs.
         labels: titles of compared runs; by default the keys that differ.
-        artist: finishes the pictures and encodes them.
 
     Raises InputError for an invalid suffix, folder or span, or for runs that cannot be
     compared; TaichiDiskError if this machine cannot make films; SimulationError if the
     file cannot be written.
     """
     check_target(path)
-    check_runs(runs, labels)
-    require_film(artist)
+    names = titles(runs, labels)
+    artist.require_film()
     size, fps = video.size_and_rate(path.suffix[1:])
     metadata = film_origin(runs, video)
     if path.suffix == ".gif":
@@ -108,47 +102,76 @@ def draw_film(
         finest = max(run.scenario.lattice.disk_points for run in runs)
         if video.draw == "both" and finest > _GIF_POINTS:
             video = replace(video, draw="field")
-    flights = [Flight.of(run, video.flight) for run in runs]
-    stronger = [ringing_factor(run, video) for run in runs]
+    frames = max(round(fps * video.seconds), FEWEST)
     if path.suffix == ".png":
-        shots = [still_cue(runs[0], span)]
+        frames = 1
         video = replace(video, supersample=2.0)
-    else:
-        frames = round(fps * video.seconds)
-        rings = max(stronger) > 1.0
-        shots = cues(runs, common_span(flights), frames, fps, span, rings)
-    words = [
-        captions(run, shots, factor, EASE * fps)
-        for run, factor in zip(runs, stronger, strict=True)
-    ]
+    flights, strengths, words = storyboard(runs, video, span, frames, fps)
     letters = fitting_letters(
         Letters(size, video.text, video.theme, video.words == "few"),
         words,
         disk_width(size, len(runs)),
     )
-    names = titles(runs, labels)
     _note_lacking_letters(names)
     panel = None
     has_room = size >= max(_MIN_PANEL_SIZE, _MIN_PANEL_LINES * letters.text.size)
     if video.panel and len(runs) == 1 and has_room:
-        panel = panel_scene(runs[0], letters, video.theme)
-    progress("render", 0, len(shots))
-    artist = artist or Artist()
+        panel = panel_scene(runs[0], letters)
+    progress("render", 0, len(words[0]))
 
     def write(new: Path) -> None:
-        times = [cue.t for cue in shots]
+        times = [caption.t for caption in words[0]]
         recordings = [
-            Recording(one, times, [video.colour], factor)
-            for one, factor in zip(flights, stronger, strict=True)
+            Recording(one, times, [video.colour], strength)
+            for one, strength in zip(flights, strengths, strict=True)
         ]
         pictures = _pictures(recordings, words, video, letters, names, panel)
+        states = zip(*(one.states() for one in recordings), strict=True)
         options = pictures.finisher, new, path.suffix, fps, metadata
+        before: Sequence[Caption] = ()
         with closing(pictures), artist.employ(*options) as finish:
-            for k, call in enumerate(_drawn(pictures, recordings, words)):
-                finish(*call)
-                progress("render", k + 1, len(shots))
+            for k, now in enumerate(zip(*words, strict=True)):
+                raise_if_interrupted()
+                if not before or now[0].t != before[0].t:
+                    state = next(states)
+                if now == before:
+                    finish("repeat")
+                else:
+                    drawn = pictures.draw(state, now)
+                    finish("write", drawn, pictures.lines(now), now[0].t)
+                before = now
+                progress("render", k + 1, len(times))
 
     atomic_write(path, write)
+
+
+def storyboard(
+    runs: Sequence[Run], video: VideoSection, span: Span, frames: int, rate: float
+) -> tuple[list[Flight], list[float], list[list[Caption]]]:
+    """Return the flight of each run, how many times stronger its vibration is shown
+    after the impact, and its pictures: one, or at least FEWEST `frames`, of which
+    `rate` are shown in a second.
+
+    Raises InputError for an invalid span.
+    """
+    flights = [Flight.of(run, video.flight) for run in runs]
+    strengths = [ringing(run) for run in runs]
+    if video.ringing == "none":
+        strengths = [1.0 for _ in runs]
+    if frames == 1:
+        note = MOMENTS.get(str(span.at), "")
+        shots = [Caption(time_of(span.at, runs[0].series), note)]
+    else:
+        # No disk flies higher than in a film of its own, unless another run goes on.
+        start = max(one.start for one in flights)
+        last_run = max(float(run.series["t"][-1]) for run in runs)
+        end = max(min(one.end for one in flights), last_run)
+        shots = cues(runs, (start, end), frames, rate, span, max(strengths) > 1.0)
+    words = [
+        captions(run, shots, strength, EASE * rate)
+        for run, strength in zip(runs, strengths, strict=True)
+    ]
+    return flights, strengths, words
 
 
 def size_text(path: Path) -> str:
@@ -165,24 +188,6 @@ def _note_lacking_letters(names: Sequence[tuple[str, ...]]) -> None:
             f"no font of this machine has the letters {letters}, which are drawn as"
             " boxes: install a font that has them, or change the label"
         )
-
-
-def common_span(flights: Sequence[Flight]) -> tuple[float, float]:
-    """Return the first and last time of a film of several runs [R/c].
-
-    No disk flies higher than in a film of its own, unless another run still goes on.
-    """
-    start = max(one.start for one in flights)
-    last_run = max(float(one.run.series["t"][-1]) for one in flights)
-    shortest_flight = min(one.end for one in flights)
-    return start, max(shortest_flight, last_run)
-
-
-def ringing_factor(run: Run, video: VideoSection) -> float:
-    """Return how many times stronger a film shows the vibration after an impact."""
-    if video.ringing == "none":
-        return 1.0
-    return ringing(run)
 
 
 def film_origin(runs: Sequence[Run], video: VideoSection) -> str:
@@ -203,7 +208,21 @@ def _pictures(
         enlarged = _LABEL_SIZE
     disks = []
     for one, lines, each in zip(recordings, names, words, strict=True):
-        painter = painter_of(one, video, scales)
+        scenario = one.run.scenario
+        painter = Painter(
+            lattice=scenario.lattice,
+            springs=scenario.model.springs,
+            wall=scenario.model.wall,
+            colour=video.colour,
+            draw=video.draw,
+            theme=video.theme,
+            limit=scales.limits[video.colour],
+            full_force=scales.full_force,
+            full_speed=one.full_speed,
+            edge=one.edge,
+            spoke=scenario.spoke,
+            magnify=scales.magnify,
+        )
         title = Title(lines[0], enlarged=enlarged)
         if not letters.are_few:
             parameters = "    ".join(lines[1:]).split("    ")
@@ -216,42 +235,3 @@ def _pictures(
         ymin = max(one.edge for one in recordings)  # the wall's body carries the scales
     view = xmin, xmax, ymin, ymax
     return Pictures(disks, letters, view, video.supersample, panel)
-
-
-def painter_of(recording: Recording, video: VideoSection, scales: Scales) -> Painter:
-    """Return the painter that draws the states of one run."""
-    scenario = recording.run.scenario
-    return Painter(
-        lattice=scenario.lattice,
-        springs=scenario.model.springs,
-        wall=scenario.model.wall,
-        colour=video.colour,
-        draw=video.draw,
-        theme=video.theme,
-        limit=scales.limits[video.colour],
-        full_force=scales.full_force,
-        full_speed=recording.full_speed,
-        edge=recording.edge,
-        spoke=scenario.spoke,
-        magnify=scales.magnify,
-    )
-
-
-def _drawn(
-    pictures: Pictures,
-    recordings: Sequence[Recording],
-    words: Sequence[Sequence[Caption]],
-) -> Iterator[tuple[Any, ...]]:
-    """Draw one picture after the other, and yield the calls of a `Finisher` that append
-    it: the name of its method, and the arguments."""
-    states = zip(*(one.states() for one in recordings), strict=True)
-    before: Sequence[Caption] = ()
-    for now in zip(*words, strict=True):
-        raise_if_interrupted()
-        if not before or now[0].t != before[0].t:
-            state = next(states)
-        if now == before:
-            yield ("repeat",)
-        else:
-            yield "write", pictures.draw(state, now), pictures.lines(now), now[0].t
-        before = now

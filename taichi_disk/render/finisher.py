@@ -13,16 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from taichi_disk.output.panel import PanelScene, draw_panel
-from taichi_disk.render.curves import Curves
+from taichi_disk.output.panel import PanelPictures, PanelScene, Picture, draw_panel
 from taichi_disk.render.letters import Line
-from taichi_disk.render.marks import Ink, Mark, stamp
-from taichi_disk.render.video import Picture, video
+from taichi_disk.render.marks import Mark, stamp
+from taichi_disk.render.palette import Ink, ink
+from taichi_disk.render.video import video
 
 # place of GGUI's image in `Finisher.images`, and the marks above it
 Drawn = tuple[int, list[Mark]]
 # a line, and where its part of the picture begins at the left and at the top [px]
 Placed = tuple[Line, float, float]
+
+# width of the line at the present time of curves, in a picture of 720 pixels [px]
+_CURSOR = 2.0
 
 
 @dataclass
@@ -59,9 +62,8 @@ class Finisher:
         self._pixels = self._picture.view(np.uint32)[..., 0]
         self._still = self.still.view(np.uint32)[..., 0]
         self._image, self._draw = canvas(self._picture)
-        self._curves = None
         if self.panel:
-            self._curves = Curves(draw_panel(self.panel), self.panel)
+            self._curves = draw_panel(self.panel)
         self._file = ExitStack()
         film = video(path, form, (width, height), fps, origin)
         self._append = self._file.enter_context(film)
@@ -69,9 +71,7 @@ class Finisher:
     def write(self, drawn: Sequence[Drawn], lines: Sequence[Placed], t: float) -> None:
         """Append the picture with what was drawn of each disk, changing `lines`, and
         the curves up to the time `t` [R/c]."""
-        # `_place` covers the rows between these.
-        for rows in (slice(self.rows.start), slice(self.rows.stop, None)):
-            self._pixels[rows, : self.disks] = self._still[rows, : self.disks]
+        self._pixels[:, : self.disks] = self._still[:, : self.disks]
         for k, (place, marks) in enumerate(drawn):
             columns = slice(k * self.width, (k + 1) * self.width)
             self._place(self._pixels[:, columns], self.images[place])
@@ -82,8 +82,9 @@ class Finisher:
         self._pixels[self.words] = self._still[self.words]
         for line, left, top in lines:
             line.draw(self._draw, left, top)
-        if self._curves:
-            self._curves.draw(self._picture[:, self.disks :], t)
+        if self.panel:
+            part = self._picture[:, self.disks :]
+            draw_curves(part, self._curves, self.panel, t)
         self._append(self._picture, True)
 
     def repeat(self) -> None:
@@ -105,6 +106,25 @@ class Finisher:
         self._file.close()
 
 
+def draw_curves(
+    picture: Picture, drawn: PanelPictures, scene: PanelScene, t: float
+) -> None:
+    """Draw the curves of `scene` into `picture` (height, width, 4): in colour up to `t`
+    [R/c], then a line, and grey where they are still to come."""
+    left, right, _, _ = drawn.boxes[0]
+    start, end = scene.t[[0, -1]]
+    column = left + round((right - left - 1) * (t - start) / (end - start))
+    past = max(column, 0)
+    if column >= right:
+        past, _ = scene.size
+    picture[:, :past] = drawn.past[:, :past]
+    picture[:, past:] = drawn.coming[:, past:]
+    if left <= column < right:
+        line = slice(column, column + max(round(_CURSOR * len(picture) / 720), 1))
+        for _, _, top, bottom in drawn.boxes:
+            picture[top:bottom, line, :3] = ink(scene.colours["faint"])
+
+
 def canvas(picture: Picture) -> tuple[Any, Any]:
     """Return Pillow's image of the memory of `picture` (height, width, 4), and its
     `ImageDraw`."""
@@ -115,7 +135,7 @@ def canvas(picture: Picture) -> tuple[Any, Any]:
     return image, ImageDraw.Draw(image)
 
 
-def shrunk(pixels: NDArray[np.uint8], samples: float) -> NDArray[np.uint8]:
+def shrunk(pixels: Picture, samples: float) -> Picture:
     """Return an image (k, l, 4) that is `samples` times smaller, by averages over the
     area of a pixel."""
     if samples == 1.0:

@@ -171,7 +171,7 @@ def joined(*shapes: Shape) -> Shape:
 def edge_height(wall: Any, force: float) -> float:
     """Return the height of a wall's edge above its surface [R], where it exerts `force`
     [M c^2/R] on a point."""
-    if wall is None or force <= 0.0:
+    if force <= 0.0:
         return 0.0
     return max(wall.height_of_force(force), 0.0)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -11,8 +12,7 @@ from typing import Any, NamedTuple
 
 from PIL import ImageFont
 
-from taichi_disk.render.marks import Ink
-from taichi_disk.render.palette import THEMES, ink
+from taichi_disk.render.palette import THEMES, Ink, ink
 
 Box = tuple[float, float, float, float]  # left, right, top and bottom [px]
 
@@ -88,14 +88,10 @@ class Face(NamedTuple):
     def font(self, text: str) -> ImageFont.FreeTypeFont:
         return _font(_font_file(text, self.bold), self.size)
 
+    # a picture of a film asks for some fifty widths, most of them again
+    @lru_cache(maxsize=4096)  # noqa: B019 (faces live as long as the process)
     def width(self, text: str) -> float:
-        return _width(self, text)
-
-
-# a picture of a film asks for some fifty widths, most of them again
-@lru_cache(maxsize=4096)
-def _width(face: Face, text: str) -> float:
-    return face.font(text).getlength(text)
+        return self.font(text).getlength(text)
 
 
 class Line(NamedTuple):
@@ -130,50 +126,42 @@ class Line(NamedTuple):
         )
 
 
+@dataclass
 class Letters:
-    """The letters of a picture of `height` [px], larger by the user's `factor`.
-    `are_few`: whether only the most important words are shown.
+    """The letters of a picture of `height` [px], larger by a `factor`.
 
     Attributes:
+        are_few: whether only the most important words are shown.
         unit: 1 in a picture of 720 pixels.
         margin: distance of words to the sides of the picture [px].
         footer: height of the scales [px]; 0 in a picture without room for words.
         heading, motion, result, text, faint, small: faces of the words.
     """
 
-    def __init__(
-        self,
-        height: int,
-        factor: float = 1.0,
-        theme: str = "light",
-        are_few: bool = False,
-    ) -> None:
-        colours = THEMES[theme]
-        self.height = height
-        self.unit = height / 720
+    height: int
+    factor: float = 1.0
+    theme: str = "light"
+    are_few: bool = False
+
+    def __post_init__(self) -> None:
+        colours = THEMES[self.theme]
+        self.unit = self.height / 720
         self.margin = max(_MARGIN * self.unit, 7.0)
-        self._factor = factor
-        self._theme = theme
-        self.are_few = are_few
         self.heading = Face(self.size(_HEADING), ink(colours.ink), bold=True)
         self.motion = Face(self.size(_HEADING), ink(colours.velocity), bold=True)
         self.result = Face(self.size(_RESULT), ink(colours.ink), bold=True)
         self.text = Face(self.size(_TEXT), ink(colours.ink))
         self.faint = Face(self.size(_TEXT), ink(colours.faint))
         self.small = Face(self.size(_SMALL), ink(colours.ink))
-        self.has_words = height >= _LABELLED
         self.footer = 0
-        if self.has_words:
+        if self.height >= _LABELLED:
             bar = (BAR_BELOW + BAR_HEIGHT) * self.unit
             self.footer = even(bar + 3.9 * self.small.size)
-        if self.has_words and are_few:
-            self.footer = even(_FEW_BELOW * self.small.size)
-
-    def smaller(self, part: float) -> Letters:
-        return Letters(self.height, part * self._factor, self._theme, self.are_few)
+            if self.are_few:
+                self.footer = even(_FEW_BELOW * self.small.size)
 
     def size(self, size: float) -> float:
-        return max(size * self.unit * self._factor, LEAST)
+        return max(size * self.unit * self.factor, LEAST)
 
     def stacked(
         self, words: Sequence[tuple[str, Face]], x: float, part: float = 0.0

@@ -9,8 +9,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from taichi_disk.lattice import Array
-
-Ink = tuple[int, int, int]
+from taichi_disk.render.palette import Ink
 
 _SAMPLES = 4  # across a pixel
 _TURNS = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)

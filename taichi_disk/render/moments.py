@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import repeat
 from typing import Any
 
@@ -59,21 +59,15 @@ _NEAR_PEAK = 0.01  # relative distance of times that count as the same moment
 
 
 @dataclass(frozen=True)
-class Cue:
-    """A picture: its time [R/c], a remark, and the pace of the film in words."""
+class Caption:
+    """A picture of one run: its time [R/c] and all of its changing words. `lines` begin
+    with the time and the number that stands for the main curve. `pace`: of the film;
+    `ringing`: factor by which it is shown stronger, which grows to that of the
+    `remarks`, a long one in two lines and a short one."""
 
     t: float
     note: str = ""
     pace: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Caption(Cue):
-    """A picture of one run, with all of its changing words. `lines` begin with the time
-    and the number that stands for the main curve. `ringing`: factor by which it is
-    shown stronger, which grows to that of the `remarks`, a long one in two lines and a
-    short one."""
-
     lines: tuple[str, ...] = ()
     result: str = ""
     ringing: float = 1.0
@@ -122,18 +116,12 @@ def time_of(moment: Any, columns: dict[str, Array]) -> float:
 # ---- the pace of a film
 
 
-def contact_of(run: Run) -> tuple[float, float]:
-    """Return the first and last time of the contact [R/c]."""
-    columns = run.series
-    return contact_interval(columns)
-
-
 def curve_span(run: Run) -> tuple[float, float]:
     """Return the first and last time of the curves beside a film [R/c]."""
     t = run.series["t"]
     if not run.scenario.is_thrown:
         return float(t[0]), last_motion(run.series)
-    start, end = contact_of(run)
+    start, end = contact_interval(run.series)
     beside = _BESIDE_CONTACT * (end - start)
     return start - beside, min(end + beside, float(t[-1]))
 
@@ -146,7 +134,7 @@ def film_times(
     `second_flight`: its film time over that of the contact."""
     if not longest.scenario.is_thrown:
         return longest.scenario.frame_times(longest.series, _PACE_TIMES)
-    contacts = np.array([contact_of(run) for run in runs])
+    contacts = np.array([contact_interval(run.series) for run in runs])
     first = contacts[:, 0].min()
     second = contacts[:, 1].max()
     beside = _AROUND_CONTACT * (second - first)
@@ -165,16 +153,17 @@ def film_times(
 
 def cues(
     runs: Sequence[Run],
-    flights: tuple[float, float],
+    whole: tuple[float, float],
     frames: int,
-    fps: int,
+    rate: float,
     span: Span,
-    rings: bool = False,
-) -> list[Cue]:
-    """Return the cues of a film. Still pictures are repeated times.
+    rings: bool,
+) -> list[Caption]:
+    """Return times, notes and paces of the pictures of a film, of which `rate` are
+    shown in a second. Still pictures are repeated times.
 
-    `flights`: first and last time of the whole film [R/c]; `rings`: whether a ringing
-    is shown stronger. Raises InputError for an empty span.
+    `whole`: first and last time of the whole film [R/c]; `rings`: whether a ringing is
+    shown stronger. Raises InputError for an empty span.
     """
     last_part = _END
     second_flight = _FLIGHT
@@ -183,7 +172,7 @@ def cues(
         second_flight = _RINGING_FLIGHT
     longest = max(runs, key=lambda run: float(run.series["t"][-1]))
     columns = longest.series
-    first, last = flights
+    first, last = whole
     if span.start is not None:
         first = time_of(span.start, columns)
     if span.end is not None:
@@ -194,20 +183,19 @@ def cues(
             f" {last:.6g} R/c"
         )
     peak = greatest_compression(columns)
-    count = max(3, frames)
-    start = round(_START * count) if first == flights[0] else 0
-    pause = round(_PAUSE * count) if first <= peak <= last else 0
-    end = max(round(last_part * count), 1) if last >= columns["t"][-1] else 0
-    moving = count - start - pause - end
+    start = round(_START * frames) if first == whole[0] else 0
+    pause = round(_PAUSE * frames) if first <= peak <= last else 0
+    end = max(round(last_part * frames), 1) if last >= columns["t"][-1] else 0
+    moving = frames - start - pause - end
     # A part of a film keeps the pace of the whole.
-    every = film_times(flights, runs, longest, second_flight)
+    every = film_times(whole, runs, longest, second_flight)
     number = np.arange(_PACE_TIMES)
     begin, stop = np.interp([first, last], every, number)
     places = np.linspace(begin, stop, moving)
     times = np.interp(places, number, every)
-    whole = np.gradient(every)
-    paces = np.interp(places, number, whole)
-    factor = float(whole.max() / whole.min())
+    steps = np.gradient(every)
+    slowest = steps.min()
+    factor = float(steps.max() / slowest)
     greatest = int(np.abs(times - peak).argmin())
     if 0 < greatest < moving - 1:
         times[greatest] = peak
@@ -215,30 +203,21 @@ def cues(
     held[0] += start
     held[greatest] += pause
     held[-1] += end
+    in_a_second = rate * (stop - begin) / max(moving - 1, 1)
     found = []
-    for k, t in enumerate(times):
-        pace = fps * (stop - begin) / max(moving - 1, 1) * paces[k]
-        is_slow = paces[k] <= _SLOW * whole.min()
-        found.append(Cue(t, pace=_pace_words(longest, pace, is_slow, factor)))
+    for t, step, stills in zip(
+        times, np.interp(places, number, steps), held, strict=True
+    ):
+        pace: tuple[str, ...] = ()
+        if longest.scenario.words.pace:
+            rounded = float(f"{in_a_second * step:.2g}")
+            pace = (longest.scenario.words.pace.format(rounded),)
+            if step <= _SLOW * slowest and factor > _MUCH_SLOWER:
+                pace += (f"slowed {factor:.0f} times",)
+        found.append(Caption(t, pace=pace))
         note = MOMENTS["greatest"] if t == peak else ""
-        found += repeat(Cue(t, note), held[k])
+        found += repeat(Caption(t, note), stills)
     return found
-
-
-def _pace_words(run: Run, pace: float, is_slow: bool, factor: float) -> tuple[str, ...]:
-    """Return the words for a `pace` [R/c per second]; the slowest is `factor` times
-    slower than the fastest."""
-    if not run.scenario.words.pace:
-        return ()
-    text = run.scenario.words.pace.format(float(f"{pace:.2g}"))
-    if is_slow and factor > _MUCH_SLOWER:
-        return text, f"slowed {factor:.0f} times"
-    return (text,)
-
-
-def still_cue(run: Run, span: Span) -> Cue:
-    t = time_of(span.at, run.series)
-    return Cue(t, MOMENTS.get(str(span.at), ""))
 
 
 def ringing(run: Run) -> float:
@@ -249,7 +228,7 @@ def ringing(run: Run) -> float:
     if not scenario.is_thrown or len(scenario.lattice.wall_surface):
         return 1.0
     columns = run.series
-    _, end = contact_of(run)
+    _, end = contact_interval(columns)
     elastic = columns["elastic"]
     dissipated = columns["dissipated"]
     left = max(columns["vibration"][-1] + elastic[-1], 1e-300)
@@ -262,46 +241,54 @@ def ringing(run: Run) -> float:
 
 
 def captions(
-    run: Run, cues: Sequence[Cue], stronger: float = 1.0, ease: float = 1.0
+    run: Run, shots: Sequence[Caption], stronger: float = 1.0, ease: float = 1.0
 ) -> list[Caption]:
-    """Return the words of each picture of `run`. `stronger`: factor of its `ringing`,
-    which grows from 1 over `ease` pictures."""
+    """Return the pictures `shots` with the words of `run`. `stronger`: factor of its
+    `ringing`, which grows from 1 over `ease` pictures."""
     columns = run.series
     scenario = run.scenario
     peak = greatest_compression(columns)
     result_time = columns["t"][-1]
     if scenario.is_thrown:
-        _, result_time = contact_of(run)
+        _, result_time = contact_interval(columns)
     result = scenario.words.marks[0].format(**scenario.result(columns))
     _, curves_end = curve_span(run)
     found = []
-    times = [cue.t for cue in cues]
-    rows = [np.interp(times, columns["t"], each) for each in columns.values()]
     after = 0  # number of pictures since the result
-    for cue, values in zip(cues, np.transpose(rows), strict=True):
-        row = dict(zip(columns, values, strict=True)) | {"t": cue.t}
-        lines = scenario.caption(row)
-        note = cue.note
+    for shot in shots:
+        row = {
+            name: np.interp(shot.t, columns["t"], each)
+            for name, each in columns.items()
+        }
+        time, *lines = scenario.caption(row | {"t": shot.t})
+        note = shot.note
         shown_result = ""
-        if cue.t < 0.0:
-            lines = (BEFORE, *lines[1:])
-        if scenario.is_thrown and cue.t > curves_end:
-            lines = (AFTER.format(curves_end), *lines[1:])
-        if cue.t >= result_time:
+        remarks: tuple[str, ...] = ()
+        if shot.t < 0.0:
+            time = BEFORE
+        if scenario.is_thrown and shot.t > curves_end:
+            time = AFTER.format(curves_end)
+        if shot.t >= result_time:
             shown_result = result
             after += 1
-            if len(lines) == 2:
-                lines = lines[:1]  # the result is the same number with more digits
-        if note == MOMENTS["greatest"] and abs(cue.t - peak) > _NEAR_PEAK * peak:
-            note = ""  # the cue belongs to another run
-        remarks: tuple[str, ...] = ()
-        if after and stronger > 1.0:
-            long = f"shown {stronger:g} times stronger"
-            remarks = "the ringing,", long, f"ringing × {stronger:g}"
+            if len(lines) == 1:
+                lines = []  # the result is the same number with more digits
+            if stronger > 1.0:
+                long = f"shown {stronger:g} times stronger"
+                remarks = "the ringing,", long, f"ringing × {stronger:g}"
+        if note == MOMENTS["greatest"] and abs(shot.t - peak) > _NEAR_PEAK * peak:
+            note = ""  # the moment of another run
         part = min(after / ease, 1.0)
-        factor = stronger ** (part * part * (3.0 - 2.0 * part))
-        words = lines, shown_result, factor, remarks
-        found.append(Caption(cue.t, note, cue.pace, *words))
+        found.append(
+            replace(
+                shot,
+                note=note,
+                lines=(time, *lines),
+                result=shown_result,
+                ringing=stronger ** (part * part * (3.0 - 2.0 * part)),
+                remarks=remarks,
+            )
+        )
     return found
 
 
@@ -310,7 +297,12 @@ def captions(
 MAX_RUNS = 4
 
 
-def check_runs(runs: Sequence[Run], labels: Sequence[str] = ()) -> None:
+def titles(runs: Sequence[Run], labels: Sequence[str]) -> list[tuple[str, ...]]:
+    """Return the title lines of each run. The first line of compared runs is one of
+    `labels`, or else names the parameters in which the runs differ.
+
+    Raises InputError for wrong labels, or for runs that cannot be compared.
+    """
     for label in labels:
         if not isinstance(label, str) or not label.strip() or not label.isprintable():
             raise InputError(f"label {label!r:.60}: must be text that can be printed")
@@ -326,17 +318,11 @@ def check_runs(runs: Sequence[Run], labels: Sequence[str] = ()) -> None:
             "these runs cannot be compared: they differ in the meaning of time or in"
             " their results"
         )
-
-
-def titles(runs: Sequence[Run], labels: Sequence[str] = ()) -> list[tuple[str, ...]]:
-    """Return the title lines of each run. The first line of compared runs is one of
-    `labels`, or else names the parameters in which the runs differ."""
-    known = [run.scenario.words.title for run in runs]
-    names = list(labels) or [title[0] for title in known]
+    names = list(labels) or [one.title[0] for one in words]
     if not labels and len(set(names)) == 1:
-        parameters = ["    ".join(title[1:]).split("    ") for title in known]
+        parameters = ["    ".join(one.title[1:]).split("    ") for one in words]
         common = set(parameters[0]).intersection(*parameters)
         for k, parts in enumerate(parameters):
             differing = [part for part in parts if part not in common]
             names[k] = "    ".join(differing) or names[k]
-    return [(name, *title[1:]) for name, title in zip(names, known, strict=True)]
+    return [(name, *one.title[1:]) for name, one in zip(names, words, strict=True)]

@@ -25,31 +25,25 @@ class Window(ti.ui.Window):
 
     def __init__(self, size: tuple[int, int]) -> None:
         self.is_soft = shaders.fit_engine()
+        self._folder = tempfile.TemporaryDirectory()
         if self.is_soft:
             # GGUI reads a shader when it is first used, so the folder stays.
-            self._folder = tempfile.TemporaryDirectory()
             options = _PLACE, False, False, _MAX_RATE, self._folder.name
-            try:
-                shaders.copy_into(Path(self._folder.name, "shaders"))
-                self.window = internals.native_window(ti, TITLE, size, *options)
-            except (OSError, RuntimeError, TypeError):
-                self._folder.cleanup()
-                self.is_soft = False
-        if not self.is_soft:
+            shaders.copy_into(Path(self._folder.name, "shaders"))
+            self.window = internals.native_window(ti, TITLE, size, *options)
+        else:
             super().__init__(TITLE, size, show_window=False, fps_limit=_MAX_RATE)
 
     def destroy(self) -> None:
         """Destroy this window, in a temporary folder, because GGUI leaves an imgui.ini
         in the current one."""
         here = os.getcwd()
-        with tempfile.TemporaryDirectory() as folder:
-            os.chdir(folder)
-            try:
-                super().destroy()
-            finally:
-                os.chdir(here)
-        if self.is_soft:
-            self._folder.cleanup()
+        os.chdir(self._folder.name)
+        try:
+            super().destroy()
+        finally:
+            os.chdir(here)
+        self._folder.cleanup()
 
 
 def open_window(size: tuple[int, int]) -> Window:

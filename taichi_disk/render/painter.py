@@ -178,9 +178,9 @@ class Painter:
         half = max(_OUTLINE * unit, 1.0) * pixel  # of an outline
         above = [geometry.NOTHING]
         canvas.set_background_color(theme.ground)
-        if self.wall is not None:
+        if self.wall:
             haze, solid = self._wall_shapes(camera, placed, half)
-            self.draw_shape(canvas, haze, camera)
+            draw_triangles(canvas, _put(camera, *haze))
         if self.draw in ("field", "both"):
             self._draw_field(canvas, camera, placed, values, unit, is_soft)
             above += self._outlines(placed, colours, half)
@@ -192,9 +192,11 @@ class Painter:
                 self.colours(self._of_springs(x, v, values, ringing)), 2, axis=0
             )
             self._lines(canvas, camera, placed[self.lattice.bonds], each, width)
-        if self.wall is not None:
+        if self.wall:
             above.append(solid)
-        self.draw_shape(canvas, geometry.joined(*above), camera)
+        shapes = geometry.joined(*above)
+        if len(shapes[0]):
+            draw_triangles(canvas, _put(camera, *shapes))
         if self.draw == "points":
             radius = max(min(0.3 * self._spacing * camera.scale, 6.0 * unit), 1.0)
             # keep this array alive: GGUI reads its memory
@@ -237,6 +239,7 @@ class Painter:
         ink = _SEEN * min(max((spacing - _FINE) / (_COARSE - _FINE), 0.0), 1.0)
         if self.draw != "both" or self.colour == "fringes":
             ink = 0.0
+        width = 2.0 * max(_SPRING * unit, _MIN_SPRING)
         corners = self.triangles.triangles
         colours = self.colours(values)
         lines = self.lattice.bonds
@@ -244,8 +247,8 @@ class Painter:
             points, inks = self._fringes(placed, values)
             draw_triangles(canvas, _put(camera, points.reshape(-1, 2), inks))
         elif ink and is_soft:
-            width = 2.0 * max(_SPRING * unit, _MIN_SPRING)
-            out = _put(camera, placed[corners.ravel()], colours[corners.ravel()])
+            each = corners.ravel()
+            out = _put(camera, placed[each], colours[each])
             out[:, 3:6] = _darkness(camera.scale * placed[corners], ink, width)
             draw_triangles(canvas, out)
             lines = self.triangles.crossing
@@ -253,7 +256,6 @@ class Painter:
             draw_triangles(canvas, _put(camera, placed, colours), corners)
         if ink and len(lines):
             shade = (1.0 - ink) * colours[lines.ravel()]
-            width = 2.0 * max(_SPRING * unit, _MIN_SPRING)
             self._lines(canvas, camera, placed[lines], shade, width)
 
     def _outlines(
@@ -287,7 +289,7 @@ class Painter:
             end = camera.to_pixels(placed[self.spoke])
             half = max(_OUTLINE * unit, 1.0)
             found.append(Mark(marks.line(centre, end, half), ink(theme.ink), half))
-        if self.full_force and self.wall is not None:
+        if self.full_force and self.wall:
             distance = max(_NEXT * unit, 9.0) / camera.scale
             feet, forces = self.pushes(x, v, placed, distance)
             if len(feet):
@@ -313,8 +315,6 @@ class Painter:
         points, forces = self.wall.contact_forces(self.lattice, x, v, self.springs)
         forces = forces / self.full_force
         strong = np.hypot(*forces.T) > _WEAK
-        if not strong.any():
-            return forces[:0], forces[:0]
         feet = placed[points[strong]]
         forces = forces[strong]
         chain = np.zeros((1, 2))
@@ -347,10 +347,6 @@ class Painter:
         info = get_field_info(out), get_field_info(None)
         black = 0.0, 0.0, 0.0
         canvas.canvas.lines(*info, True, black, width / camera.height)
-
-    def draw_shape(self, canvas: Any, shape: geometry.Shape, camera: Camera) -> None:
-        if len(shape[0]):
-            draw_triangles(canvas, _put(camera, *shape))
 
 
 def _means(vectors: Array, group: NDArray[np.intp]) -> Array:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from taichi_disk.fields import FRINGES, QUANTITIES
 
-Colour = tuple[float, float, float]  # sRGB, 0 to 1
+Colour = tuple[float, float, float]  # sRGB, 0 to 1; CIELAB in maps
+Ink = tuple[int, int, int]  # sRGB, 0 to 255
 
 LEVELS = 512  # number of colours of a map
 _BARE = 0.7  # fraction of the lightness range that is used in maps for lines and points
@@ -30,11 +31,11 @@ class Theme:
     arrow: Colour  # arrows of forces
     velocity: Colour  # arrow, number and curve of the velocity
     rule: Colour  # grid lines of a graph
-    low: tuple[tuple[float, float, float], ...]
-    zero: tuple[float, float, float]
-    high: tuple[tuple[float, float, float], ...]
-    amount: tuple[tuple[float, float, float], ...]
-    fringe: tuple[tuple[float, float, float], ...]
+    low: tuple[Colour, ...]
+    zero: Colour
+    high: tuple[Colour, ...]
+    amount: tuple[Colour, ...]
+    fringe: tuple[Colour, ...]
 
 
 THEMES: dict[str, Theme] = {
@@ -101,9 +102,7 @@ def colour_map(theme: str, kind: str, bare: bool = False) -> NDArray[np.float32]
     return lab_to_srgb(lab).astype(np.float32)
 
 
-def _curve(
-    nodes: tuple[tuple[float, float, float], ...], count: int
-) -> NDArray[np.float64]:
+def _curve(nodes: tuple[Colour, ...], count: int) -> NDArray[np.float64]:
     known = np.linspace(0.0, 1.0, len(nodes))[:, None]
     powers = np.arange(len(nodes))
     coefficients = np.linalg.solve(known**powers, np.array(nodes, dtype=float))
@@ -132,7 +131,7 @@ def lab_to_srgb(lab: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(linear <= 0.0031308, 12.92 * linear, power)
 
 
-def ink(colour: Any) -> tuple[int, int, int]:
+def ink(colour: Any) -> Ink:
     """Return Pillow's form of a colour."""
     red, green, blue = (round(255 * part) for part in colour)
     return red, green, blue

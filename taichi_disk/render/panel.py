@@ -17,7 +17,8 @@ _COMING = {"light": "#B8B8B7", "dark": "#54575E"}
 _LETTER = 20.0  # size of letters in a picture of 720 pixels [px]
 
 
-def panel_scene(run: Run, letters: Letters, theme: str) -> PanelScene:
+def panel_scene(run: Run, letters: Letters) -> PanelScene:
+    theme = letters.theme
     columns = run.series
     size = 2 * round(letters.height * _WIDTH / 2), letters.height
     # Twice as many samples as columns are enough, and quick to send.

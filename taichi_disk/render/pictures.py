@@ -71,13 +71,12 @@ def arranged(
     bottom = float(height - letters.footer)
     beside = _MARGIN * letters.unit
     most = max(len(one.title.parameters) for one in disks)
-    trials = [(True, count) for count in range(most, -1, -1)]
+    counts: list[int | None] = [*range(most, -1, -1)]
     if not any(one.painter.has_elastic_wall for one in disks):
-        trials.insert(0, (False, most))
-    for is_band, count in trials:
+        counts.insert(0, None)
+    for count in counts:
         legends = [
-            legend(letters, width, one.title, one.captions, is_band, count)
-            for one in disks
+            legend(letters, width, one.title, one.captions, count) for one in disks
         ]
         header = max(one.header for one in legends)
         camera = Camera.fit(
@@ -133,8 +132,8 @@ class Pictures:
         disks: Sequence[Disk],
         letters: Letters,
         view: View,
-        supersample: float = 1.0,
-        panel: PanelScene | None = None,
+        supersample: float,
+        panel: PanelScene | None,
     ) -> None:
         """
         Args:
@@ -212,8 +211,8 @@ class Pictures:
             words += remark_lines(self._letters, caption, width)
             lines += [(line, k * width, 0.0) for line in words]
         below = self._letters.height - self._letters.footer
-        for line in self._scales.pace_lines(captions[0].pace):
-            lines.append((line, 0.0, below))
+        pace = self._scales.pace_lines(captions[0].pace)
+        lines += [(line, 0.0, below) for line in pace]
         return lines
 
     def close(self) -> None:

@@ -6,10 +6,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice
+from typing import Any
 
 import numpy as np
 
-from taichi_disk.computation.contact import greatest_compression
+from taichi_disk.computation.contact import contact_interval, greatest_compression
 from taichi_disk.computation.driver import State
 from taichi_disk.fields import Triangles, at_points
 from taichi_disk.lattice import Array
@@ -20,7 +21,7 @@ from taichi_disk.render.geometry import (
     magnification,
     placed,
 )
-from taichi_disk.render.moments import Run, contact_of
+from taichi_disk.render.moments import Run
 from taichi_disk.render.palette import full_scale, round_near
 from taichi_disk.statics.equilibrium import turned
 
@@ -129,21 +130,19 @@ class Recording:
         run = flight.run
         scenario = run.scenario
         lattice = scenario.lattice
-        wall = scenario.model.wall
-        assert wall is not None  # every scene has one
+        wall: Any = scenario.model.wall  # every scene has one
         self.run = run
         self.times = np.unique(times)
         peak = greatest_compression(run.series)
-        start = min(contact_of(run)[0], peak)
-        scale_times = self._scale_times(start, peak)
+        start = min(contact_interval(run.series)[0], peak)
+        count = _SCALE_TIMES if len(self.times) > 1 else 1
+        scale_times = np.union1d(self.times[0], np.linspace(peak, start, count))
         all_times = np.unique([start, *scale_times, *self.times])
         replay = zip(all_times, flight.frames(all_times), strict=True)
-        early = list(islice(replay, int((all_times <= scale_times[-1]).sum())))
-        self._replay = chain(early, replay)
-        states = {t: state for t, state in early if t in scale_times}
-        compressed = states[peak].positions
-        flying = next(state.positions for t, state in early if t == start)
-        until_peak = [state for t, state in states.items() if t <= peak]
+        early = dict(islice(replay, int((all_times <= scale_times[-1]).sum())))
+        self._replay = chain(early.items(), replay)
+        compressed = early[peak].positions
+        until_peak = [early[t] for t in scale_times if t <= peak]
         self.limits = self._limits(until_peak, quantities)
         _, forces = wall.contact_forces(lattice, compressed)
         self.largest_force = float(np.hypot(*forces.T).max(initial=0.0))
@@ -153,24 +152,15 @@ class Recording:
         if scenario.is_thrown:
             self.full_speed = float(np.hypot(*lattice.mean(scenario.velocities)))
         self.edge = edge_height(wall, self.largest_force)
-        self.flattest = flattening(lattice, compressed, flying)
+        self.flattest = flattening(lattice, compressed, early[start].positions)
         # states that reach farthest, and the factors on their vibration
-        self._outer = [(state.positions, 1.0) for state in states.values()]
+        self._outer = [(early[t].positions, 1.0) for t in scale_times]
         end = self._end_positions()
         if len(self.times) > 1 and end[:, 1].max() < _MAX_HEIGHT:
             factors = [1.0]
             if ringing > 1.0:
                 factors = [_LARGER * ringing, -_LARGER * ringing]  # half a period later
             self._outer += [(end, factor) for factor in factors]
-
-    def _scale_times(self, start: float, peak: float) -> Array:
-        """Return the times from the `start` of the contact to its `peak`, if there is
-        more than one picture, and that of the first picture."""
-        first = self.times[0]
-        if len(self.times) == 1:
-            return np.union1d(first, peak)
-        contact = np.linspace(start, peak, _SCALE_TIMES)
-        return np.union1d(first, contact)
 
     def _end_positions(self) -> Array:
         """Return approximate positions at the end of the film: after the end of the
@@ -187,11 +177,10 @@ class Recording:
         springs = scenario.model.springs
         n = scenario.lattice.disk_points
         triangles = Triangles(scenario.lattice)
-        limits = dict.fromkeys(quantities, 0.0)
-        for _, x, v in states:
-            for name in quantities:
-                values = at_points(name, triangles, springs, x, v)[:n]
-                limits[name] = max(limits[name], full_scale(values, name))
+        limits = {}
+        for name in quantities:
+            values = [at_points(name, triangles, springs, x, v) for _, x, v in states]
+            limits[name] = max(full_scale(one[:n], name) for one in values)
         return limits
 
     def outer_positions(self, magnify: float) -> list[Array]:
@@ -213,8 +202,8 @@ class Recording:
             ymin = self.edge - _WALL_DEPTH
         disk = np.concatenate(self.outer_positions(magnify))
         left, _ = disk.min(axis=0) - _SIDE_MARGIN
-        right, _ = disk.max(axis=0) + _SIDE_MARGIN
-        return min(xmin, left), max(xmax, right), ymin, max(ymax, disk[:, 1].max())
+        right, top = disk.max(axis=0) + [_SIDE_MARGIN, 0.0]
+        return min(xmin, left), max(xmax, right), ymin, max(ymax, top)
 
     def states(self) -> Iterator[State]:
         """Yield the states at `times`. Call it once, because it uses up the replay."""
@@ -244,10 +233,9 @@ class Scales:
         views = np.array([one.view(factor) for one in recordings])
         left, _, low, _ = views.min(axis=0).tolist()
         _, right, _, high = views.max(axis=0).tolist()
-        limits: dict[str, float] = {}
-        for one in recordings:
-            for name, limit in one.limits.items():
-                limits[name] = max(limit, limits.get(name, 0.0))
+        limits = {}
+        for name in recordings[0].limits:
+            limits[name] = max(one.limits[name] for one in recordings)
         return cls(
             magnify=factor,
             limits=limits,

@@ -22,9 +22,9 @@ from taichi_disk.errors import InputError
 from taichi_disk.fields import QUANTITIES, Triangles, at_points
 from taichi_disk.output.inline import Plot
 from taichi_disk.output.plot import STYLE, matplotlib_style
-from taichi_disk.render.moments import Run, Span, still_cue
+from taichi_disk.render.moments import Run, time_of
 from taichi_disk.render.palette import THEMES, colour_map, map_kind
-from taichi_disk.render.recording import Flight, Recording, Scales
+from taichi_disk.render.recording import Flight, Recording
 
 # widths of lines [points]
 _SPRINGS: dict[str, Any] = {"linewidth": 0.3, "alpha": 0.25}
@@ -58,8 +58,8 @@ def draw_state(
         raise InputError(
             f"ax: must be axes of Matplotlib, as plt.subplots() returns, not {ax!r:.60}"
         )
-    cue = still_cue(run, Span(at=t))
-    states = Recording(Flight.of(run, 0.0), [cue.t], [video.colour])
+    moment = time_of(t, run.series)
+    states = Recording(Flight.of(run, 0.0), [moment], [video.colour])
     style = STYLE
     if ax is not None:
         style = STYLE | dict.fromkeys(_INKED, ax.xaxis.label.get_color())
@@ -74,7 +74,7 @@ def draw_state(
         _draw(ax, states, video)
         _ARTISTS[ax] = set(ax.get_children()).difference(others)
         name, _, unit = run.scenario.words.time.partition("  ")
-        title = f"{name} = {cue.t:.4g} {unit.strip('[]')}".strip()
+        title = f"{name} = {moment:.4g} {unit.strip('[]')}".strip()
         ax.set(xlabel="x  [R]", ylabel="y  [R]", title=title)
         whole: Any = ax.figure.figure  # also of a part of a figure
         whole.draw_without_rendering()
@@ -91,17 +91,22 @@ def _draw(axes: Any, states: Recording, video: VideoSection) -> None:
     limit = states.limits[video.colour]
     values = at_points(video.colour, triangles, scenario.model.springs, x, v)
     mesh = Triangulation(x[:, 0], x[:, 1], triangles.triangles)
-    scale = _scale(video, limit)
+    colours = ListedColormap(list(colour_map(video.theme, map_kind(video.colour))))
+    low = 0.0
+    high = limit
+    if QUANTITIES[video.colour].signed:
+        low = -limit
     if video.colour == "fringes":
         mesh, values = _refined(mesh, values / limit)
-        last = max(np.ceil(values.max()), 1.0)
-        brightness = np.sin(np.pi * np.linspace(0.0, last, 1000)) ** 2
-        colours = scale["cmap"](brightness)
-        scale = {"cmap": ListedColormap(colours), "vmin": 0.0, "vmax": last}
-    xmin, xmax, ymin, ymax = Scales.of([states], 1.0).view
+        high = max(np.ceil(values.max()), 1.0)
+        brightness = np.sin(np.pi * np.linspace(0.0, high, 1000)) ** 2
+        colours = ListedColormap(colours(brightness))
+    xmin, xmax, ymin, ymax = states.view(1.0)
     axes.set(xlim=(xmin, xmax), ylim=(ymin, ymax), aspect="equal")
     axes.set_facecolor(theme.ground)
-    field = axes.tripcolor(mesh, values, shading="gouraud", **scale)
+    field = axes.tripcolor(
+        mesh, values, shading="gouraud", cmap=colours, vmin=low, vmax=high
+    )
     if video.colour != "fringes":
         axes.triplot(*x.T, triangles.triangles, color=theme.ink, **_SPRINGS)
     sides = np.concatenate([triangles.outline, triangles.interfaces])
@@ -109,13 +114,6 @@ def _draw(axes: Any, states: Recording, video: VideoSection) -> None:
     if not len(scenario.lattice.wall_surface):
         axes.axhspan(ymin, states.edge, color=theme.wall, zorder=3.0)
     _add_bar(axes, field, _label(video, limit))
-
-
-def _scale(video: VideoSection, limit: float) -> dict[str, Any]:
-    """Return Matplotlib's scale of colours from -`limit` or 0 to `limit`."""
-    low = -limit if QUANTITIES[video.colour].signed else 0.0
-    colours = list(colour_map(video.theme, map_kind(video.colour)))
-    return {"cmap": ListedColormap(colours), "vmin": low, "vmax": limit}
 
 
 def _refined(mesh: Triangulation, values: Any) -> tuple[Triangulation, Any]:
@@ -130,11 +128,11 @@ def _refined(mesh: Triangulation, values: Any) -> tuple[Triangulation, Any]:
 def _add_bar(axes: Any, field: Any, label: str) -> None:
     """Draw the colour bar in the place of an older one, which would else make the axes
     smaller each time."""
-    place = _BARS.get(axes)
-    if place not in axes.figure.axes:  # a cleared figure has none
-        place = None
-    if place is not None:
+    place: Any = _BARS.get(axes)
+    if place in axes.figure.axes:
         place.clear()
+    else:  # a cleared figure has none
+        place = None
     bar = axes.figure.colorbar(field, place, axes, label=label, shrink=0.8)
     _BARS[axes] = bar.ax
 

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Picture = NDArray[np.uint8]
+from taichi_disk.output.panel import Picture
+
+Size = tuple[int, int]  # width and height, even numbers [px]
 Append = Callable[[Picture, bool], object]
 
 _CODECS = {".mp4": "libx264", ".webm": "libvpx-vp9"}
@@ -44,12 +45,12 @@ _GIF_EXACT = 16  # number of frequent colours that are kept exactly
 
 
 def video(
-    path: Path, form: str, size: tuple[int, int], fps: int, origin: str
+    path: Path, form: str, size: Size, fps: int, origin: str
 ) -> AbstractContextManager[Append]:
     """Write a film as ".mp4", ".webm" or ".gif", one picture as ".png", or a folder of
     pictures as "".
 
-    `size`: width and height, even numbers [px]; `origin`: text for the metadata of the
+    `origin`: text for the metadata of the
     file. Use as `with video(...) as append`. `append(picture, is_new)` appends an array
     (height, width, 4), and does not keep it; an old picture is the one before. Equal
     pictures give equal bytes. Raises OSError, at a later picture or at the end, if the
@@ -60,9 +61,7 @@ def video(
 
 
 @contextmanager
-def _stream(
-    path: Path, size: tuple[int, int], fps: int, origin: str
-) -> Iterator[Append]:
+def _stream(path: Path, size: Size, fps: int, origin: str) -> Iterator[Append]:
     import av
 
     form = path.suffix
@@ -114,7 +113,7 @@ def _stream(
 
 
 @contextmanager
-def _gif(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[Append]:
+def _gif(path: Path, size: Size, fps: int, origin: str) -> Iterator[Append]:
     """Encode with one palette for all pictures, so that still parts do not flicker.
 
     The pictures are kept compressed in memory until the palette is known.
@@ -162,16 +161,12 @@ def _palette(samples: Iterator[Any]) -> Any:
 
 
 @contextmanager
-def _still(
-    path: Path, size: tuple[int, int], fps: int, origin: str
-) -> Iterator[Append]:
+def _still(path: Path, size: Size, fps: int, origin: str) -> Iterator[Append]:
     yield lambda picture, is_new: _save(picture, path, origin, optimize=True)
 
 
 @contextmanager
-def _folder(
-    path: Path, size: tuple[int, int], fps: int, origin: str
-) -> Iterator[Append]:
+def _folder(path: Path, size: Size, fps: int, origin: str) -> Iterator[Append]:
     path.mkdir()
     number = count(1)
     yield lambda picture, is_new: _save(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,10 +29,10 @@ from taichi_disk.render.letters import (
     Line,
     even,
 )
-from taichi_disk.render.marks import Ink, Mark, arrows, stamp
+from taichi_disk.render.marks import Mark, arrows, stamp
 from taichi_disk.render.moments import Caption
 from taichi_disk.render.painter import ARROW, FORCE_ARROW, Painter
-from taichi_disk.render.palette import THEMES, ink
+from taichi_disk.render.palette import THEMES, Ink, ink
 
 _MOST_BESIDE = 0.5  # largest width of changing words over the picture's
 _MOST_BELOW = 0.36  # that of words below a disk in flight
@@ -49,7 +49,7 @@ _GAP = 0.5  # least distance of two words, in units of the size of their letters
 
 def caption_lines(letters: Letters, caption: Caption, width: int) -> list[Line]:
     """Return the changing words at the upper right of a picture of `width` [px]."""
-    if not letters.has_words:
+    if not letters.footer:
         return []
     first, *others = caption.lines
     words = [(first, letters.small)]
@@ -65,26 +65,25 @@ def caption_lines(letters: Letters, caption: Caption, width: int) -> list[Line]:
 def remark_lines(letters: Letters, caption: Caption, width: int) -> list[Line]:
     """Return the remarks of a caption, above the scales at the right of a picture of
     `width` [px]."""
-    if not letters.has_words:
+    if not letters.footer:
         return []
     face = letters.small
     texts = caption.remarks[:2]
     if max(map(face.width, texts), default=0.0) > _MOST_BELOW * width:
         texts = caption.remarks[2:]
-    lowest = letters.height - letters.footer - 0.85 * face.size
-    right = width - letters.margin
-    rows = lowest - LEADING * face.size, lowest
-    return [
-        Line(text, face, right, row, part=1.0)
-        for text, row in zip(texts, rows[-len(texts) :], strict=False)
-    ]
+    row = letters.height - letters.footer - 0.85 * face.size
+    lines: list[Line] = []
+    for text in reversed(texts):
+        lines.insert(0, Line(text, face, width - letters.margin, row, part=1.0))
+        row -= LEADING * face.size
+    return lines
 
 
 def samples(captions: Sequence[Caption]) -> list[Caption]:
-    """Return the first and the last caption, and one of each kind."""
+    """Return the first and the middle caption, and the last of each kind."""
     kinds = {(one.note, one.result): one for one in captions}
     middle = captions[len(captions) // 2]
-    return [captions[0], middle, captions[-1], *kinds.values()]
+    return [captions[0], middle, *kinds.values()]
 
 
 def fitting_letters(
@@ -97,7 +96,7 @@ def fitting_letters(
         for one in samples(captions):
             for line in caption_lines(letters, one, width):
                 most = min(most, _MOST_BESIDE * width / (line.x - line.left))
-    return letters.smaller(most)
+    return replace(letters, factor=most * letters.factor)
 
 
 @dataclass(frozen=True)
@@ -126,12 +125,11 @@ def legend(
     width: int,
     title: Title,
     captions: Sequence[Caption],
-    is_band: bool,
-    count: int,
+    count: int | None,
 ) -> Legend:
-    """Set the words of a picture of `width` [px] in its corners, or in a band above the
-    disk. `count`: number of parameters that are shown."""
-    if not letters.has_words:
+    """Set the words of a picture of `width` [px] in a band above the disk, with `count`
+    parameters; None: in its corners, with all of them."""
+    if not letters.footer:
         return Legend()
     changing: list[Line] = []
     for one in samples(captions):
@@ -143,14 +141,14 @@ def legend(
     heading = letters.heading._replace(size=max(size, LEAST))
     words = _wrapped(title.heading.split(), " ", heading, room)
     parts = list(title.parameters[:count])
-    if is_band:
+    if count is not None:
         words += _wrapped([*parts, *title.remarks], "    ", letters.faint, room)
     else:
         words += [(part, letters.faint) for part in parts]
     lines = letters.stacked(words, letters.margin)
     lines = [line for line in lines if line.face.width(line.text) <= room]
     above = [*lines, *changing]
-    if not is_band:
+    if count is None:
         above = [line for line in lines if line.face.bold]
         if title.remarks:
             face = letters.small._replace(ink=letters.faint.ink)
@@ -236,10 +234,11 @@ class Scales:
         self._tip = letters.margin  # column of the tip of the arrow [px]
         self.lines: list[Line] = []
         room = width - 2.0 * (letters.margin + _BESIDE_BAR * size)
-        bar_width = max(min(_BAR_WIDTH * width, room), _MIN_BAR_WIDTH * width)
-        self._bar_width = round(bar_width)
+        self._bar_width = round(
+            max(min(_BAR_WIDTH * width, room), _MIN_BAR_WIDTH * width)
+        )
         self._left = (width - self._bar_width) // 2
-        if letters.has_words and not letters.are_few:
+        if letters.footer and not letters.are_few:
             self._add_colours()
             self._add_force(scale)
             self._add_ends()
@@ -252,14 +251,13 @@ class Scales:
         left, right, _, _ = line.box
         margin = 0.5 * self._letters.margin
         gap = _GAP * line.face.size
-        if left < margin or right > self._width - margin:
-            return []
-        for other in self.lines:
-            first, last, _, _ = other.box
-            is_beside = right + gap < first or last + gap < left
-            if other.baseline == row and not is_beside:
-                return []
-        return [line]
+        others = [other.box for other in self.lines if other.baseline == row]
+        is_free = all(
+            right + gap < first or last + gap < left for first, last, _, _ in others
+        )
+        if is_free and margin <= left and right <= self._width - margin:
+            return [line]
+        return []
 
     def _add(self, text: str, x: float, row: float, part: float = 0.0) -> bool:
         """Add a text if its place is free, and return whether it is."""
@@ -332,13 +330,12 @@ class Scales:
         theme = THEMES[self._painter.theme]
         top = len(picture) - letters.footer
         ground = theme.ground if self._painter.has_elastic_wall else theme.wall
-        if letters.has_words:
-            picture[top:, : self._width, :3] = ink(ground)
-            if not letters.are_few:
-                self._draw_bar(picture[top + self._top :])
-            if self._tip > letters.margin:
-                row = top + self._top + self._bar_height / 2
-                self._draw_arrow(image, row, ink(ground))
+        picture[top:, : self._width, :3] = ink(ground)
+        if not letters.are_few:
+            self._draw_bar(picture[top + self._top :])
+        if self._tip > letters.margin:
+            row = top + self._top + self._bar_height / 2
+            self._draw_arrow(image, row, ink(ground))
         for line in self.lines:
             line.draw(draw, 0.0, top)
 

@@ -23,22 +23,18 @@ from taichi_disk.output.files import write_text
 from taichi_disk.output.panel import ON_DARK
 from taichi_disk.output.plot import axis_labels, curves
 from taichi_disk.progress import Progress
-from taichi_disk.render.film import common_span, film_origin, ringing_factor
+from taichi_disk.render.film import FEWEST, film_origin, storyboard
 from taichi_disk.render.moments import (
-    EASE,
     MOMENTS,
     WHOLE,
     Caption,
     Run,
     Span,
-    captions,
-    check_runs,
-    cues,
     curve_span,
     time_of,
     titles,
 )
-from taichi_disk.render.recording import Flight, Recording, Scales
+from taichi_disk.render.recording import Recording, Scales
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.web.drawing import (
     FILM,
@@ -71,27 +67,19 @@ def write_page(
 
     A page needs no Vulkan.
     """
-    check_runs(runs, labels)
+    names = titles(runs, labels)
     points = max(len(run.scenario.lattice.positions) for run in runs)
     _, fps = video.size_and_rate("html")
-    wanted = round(fps * video.seconds)
+    wanted = max(round(fps * video.seconds), FEWEST)
     frames = min(wanted, max(_STATES // points, _FEWEST))
-    flights = [Flight.of(run, video.flight) for run in runs]
-    stronger = [ringing_factor(run, video) for run in runs]
-    rings = max(stronger) > 1.0
-    shots = cues(runs, common_span(flights), frames, fps, span, rings)
+    rate = fps * frames / wanted  # pictures in a second
+    flights, _, words = storyboard(runs, video, span, frames, rate)
     progress("render", 0, len(runs))
-    times = [cue.t for cue in shots]
+    times = [caption.t for caption in words[0]]
     states = [Recording(one, times, list(QUANTITIES)) for one in flights]
-    names = titles(runs, labels)
-    rate = fps * frames / max(wanted, 1)  # cues in a second
     again = None
     if len(runs) == 1 and span == WHOLE:
         again = throwable(flights[0], video)
-    words = [
-        captions(run, shots, factor, EASE * rate)
-        for run, factor in zip(runs, stronger, strict=True)
-    ]
     packed = _packed(states, words, video, names, rate, again, progress)
     text = Template(source("film.html")).substitute(
         title=escape(" | ".join(title[0] for title in names)),

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from taichi_disk.computation.contact import contact_interval
 from taichi_disk.computation.stability import explicit_limit
 from taichi_disk.config.sections import SLIDERS, VideoSection
 from taichi_disk.lattice.network import laplacian, largest_eigenvalue
 from taichi_disk.output.panel import ON_DARK
 from taichi_disk.output.plot import INK, LINE
-from taichi_disk.render.moments import contact_of, time_of
+from taichi_disk.render.moments import time_of
 from taichi_disk.render.recording import Flight
 from taichi_disk.simulation.observables import BY_NAME
 from taichi_disk.web.drawing import encoded
@@ -52,7 +53,7 @@ def throwable(flight: Flight, video: VideoSection) -> dict[str, Any] | None:
     steps = run.series["t"][-1] / explicit_limit(omega, eta * damping)
     if steps * len(lattice.bonds) > _MOST_WORK:
         return None
-    first, second = contact_of(run)
+    first, second = contact_interval(run.series)
     return (
         asdict(scene.material)
         | asdict(scene.wall)

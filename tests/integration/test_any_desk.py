@@ -31,7 +31,6 @@ for name in ("fcntl", "grp", "pwd", "resource", "termios"):
 for name in ("fork", "forkpty", "getuid", "geteuid", "getgid", "killpg"):
     delattr(os, name)
 delattr(os, "sched_getaffinity")
-os.process_cpu_count = os.cpu_count  # of Python 3.13, which calls it
 kill = os.kill
 
 

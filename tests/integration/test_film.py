@@ -17,25 +17,22 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 from PIL import Image
-from programs import durations_of, packed, printed_by, python
+from programs import durations_of, film_problem, packed, printed_by, python
 
-from taichi_disk import api, load_scene, runtime
-from taichi_disk.computation.contact import greatest_compression
+from taichi_disk import api, engine, load_scene, runtime
+from taichi_disk.computation.contact import contact_interval, greatest_compression
 from taichi_disk.computation.outcome import compute
-from taichi_disk.engine import internals
 from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
 from taichi_disk.fields import Triangles, at_points
 from taichi_disk.progress import silent
-from taichi_disk.render import film_problem, shaders
-from taichi_disk.render.artist import drawing_process
-from taichi_disk.render.film import draw_film
+from taichi_disk.render import shaders
+from taichi_disk.render.artist import Artist, drawing_process
+from taichi_disk.render.film import draw_film, storyboard
 from taichi_disk.render.moments import (
-    Cue,
+    Caption,
     Span,
     captions,
-    contact_of,
     ringing,
-    still_cue,
     time_of,
     titles,
 )
@@ -99,7 +96,7 @@ def video_of(keys):
 
 def film(path, runs, *more, progress=silent, artist=None, **keys):
     """Film runs into `path`; `keys` of the section video, `more`: span and labels."""
-    draw_film(path, runs, video_of(keys), progress, *more, artist=artist)
+    draw_film(path, runs, video_of(keys), progress, artist or Artist(), *more)
     return path
 
 
@@ -265,7 +262,7 @@ def test_the_film_holds_at_the_greatest_compression_and_ends_with_the_result(
 ):
     result = f"*e = {run.scenario.result(run.series)['restitution']:.3f}"
     words = words_of(tmp_path / "film", run, seconds=4)
-    _, end = contact_of(run)
+    _, end = contact_interval(run.series)
     assert [one.note for one in words[-7:]] == 7 * [result]
     for one in words:
         assert (one.note == result) == (one.t >= end - 1e-4)
@@ -290,6 +287,17 @@ def test_the_film_holds_at_the_greatest_compression_and_ends_with_the_result(
     assert pace.max() > 4.0 * pace.min()
 
 
+def test_a_page_with_few_states_of_many_points_says_its_own_pace(
+    run, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("taichi_disk.web.film._STATES", 1)
+    words = words_of(tmp_path / "film", run, seconds=8)
+    assert len(words) == 40  # in the place of 80
+    moving = list({one.t: one.pace for one in words if one.pace != [""]}.values())
+    pace = np.array([float(lines[0].split()[3]) for lines in moving])
+    assert pace[:-1].sum() / 5 == pytest.approx(words[-1].t - words[0].t, rel=0.04)
+
+
 @pytest.mark.parametrize("eta_star", [0, 0.1])
 @pytest.mark.parametrize("speed", [0.05, 0.1])
 def test_the_ringing_is_shown_about_half_as_strong_as_the_greatest_compression(
@@ -305,23 +313,23 @@ def test_the_ringing_is_shown_about_half_as_strong_as_the_greatest_compression(
         values = at_points("shear", triangles, run.scenario.model.springs, *state[1:])
         return np.percentile(values, 98)
 
-    _, end = contact_of(run)
+    _, end = contact_interval(run.series)
     later = max(shear(t) for t in np.linspace(end + 0.5, end + 6.0, 12))
     part = ringing(run) * later / shear(greatest_compression(run.series))
     assert 0.3 < part < 1.0
 
 
 def test_a_ringing_grows_after_the_contact_and_the_picture_says_so(run):
-    _, end = contact_of(run)
-    cues = [Cue(t) for t in (0.0, end - 0.1, *np.linspace(end, end + 2.0, 9))]
-    found = captions(run, cues, stronger=4.0, ease=6.0)
+    _, end = contact_interval(run.series)
+    shots = [Caption(t) for t in (0.0, end - 0.1, *np.linspace(end, end + 2.0, 9))]
+    found = captions(run, shots, stronger=4.0, ease=6.0)
     factors = [one.ringing for one in found]
     assert factors[:2] == [1.0, 1.0]
     assert (np.diff(factors[1:8]) > 0.0).all()
     assert factors[7:] == pytest.approx([4.0] * 4)
     said = ["shown 4 times stronger" in one.remarks for one in found]
     assert said == [False] * 2 + [True] * 9
-    assert all(not one.remarks for one in captions(run, cues))
+    assert all(not one.remarks for one in captions(run, shots))
 
 
 def test_no_ringing_is_shown_where_there_is_none():
@@ -350,7 +358,7 @@ def test_a_picture_is_of_the_moment_asked_for(run, at, note):
         "contact": series["t"][np.argmax(force > 0.01 * force.max())],
         "end": series["t"][-1],
     }
-    (words,) = captions(run, [still_cue(run, Span(at=at))])
+    _, _, [(words,)] = storyboard([run], video_of({}), Span(at=at), 1, 10.0)
     assert words.t == pytest.approx(moments.get(at, at), abs=0.1)
     assert words.note == note
     assert bool(words.result) == (at == "end")
@@ -362,7 +370,7 @@ def test_runs_side_by_side_are_named_by_what_sets_them_apart():
         for change in changes:
             scene = load_scene("exponential_wall", ["lattice.points=20", *change])
             runs.append(SimpleNamespace(scenario=scene.scenario()))
-        return [title[0] for title in titles(runs)]
+        return [title[0] for title in titles(runs, ())]
 
     damped = [["material.eta_star=0"], ["material.eta_star=100"]]
     assert named(*damped) == ["η* = 0", "η* = 100"]
@@ -482,7 +490,7 @@ def test_without_vulkan_the_message_names_the_remedy(tmp_path):
     variables = ("VK_ICD_FILENAMES", "VK_DRIVER_FILES")
     nowhere = os.environ | dict.fromkeys(variables, "/nonexistent")
     nowhere["PYTHONPATH"] = str(Path(__file__).parents[2])
-    code = "from taichi_disk.render import require_film; require_film()"
+    code = "from taichi_disk.render.artist import Artist; Artist().require_film()"
     done = python("-c", code, cwd=tmp_path, env=nowhere)
     assert "NoPictures: " in done.stderr
     assert "no Vulkan driver" in done.stderr or "cannot be loaded" in done.stderr
@@ -513,27 +521,19 @@ def test_a_loading_is_not_compared_with_a_relaxation_which_takes_time(tmp_path):
         scenario = load_scene("compression", settings).scenario()
         runs.append(scenario.quasistatic(loads=2))
     differ = "differ in the meaning of time or in their results"
-    for write in (draw_film, write_page):
-        with pytest.raises(InputError, match=differ):
-            write(tmp_path / "film.mp4", runs, video_of({}), silent)
+    with pytest.raises(InputError, match=differ):
+        film(tmp_path / "film.mp4", runs)
+    with pytest.raises(InputError, match=differ):
+        write_page(tmp_path / "film.html", runs, video_of({}), silent)
 
 
 # ---- soft springs
 
 
 @needs_vulkan
-@pytest.mark.parametrize("is_known", [False, True])
-def test_an_engine_that_takes_no_shaders_draws_hard_springs(
-    run, tmp_path, monkeypatch, is_known
-):
-    def refused(*_):
-        raise RuntimeError("no such shader")
-
+def test_an_engine_with_other_shaders_draws_hard_springs(run, tmp_path, monkeypatch):
     film(tmp_path / "soft.png", [run])
-    if is_known:
-        monkeypatch.setattr(internals, "native_window", refused)
-    else:
-        monkeypatch.setitem(shaders.REPLACED, "Triangles_vk_frag.spv", "another")
+    monkeypatch.setattr(engine, "versions", lambda: {"taichi": "1.7.5"})
     film(tmp_path / "hard.png", [run])
     soft, hard = (picture_in(tmp_path / name) for name in ("soft.png", "hard.png"))
     assert soft.shape == hard.shape

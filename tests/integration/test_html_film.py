@@ -131,7 +131,7 @@ def test_240_states_of_1099_points_take_less_than_3_mb(tmp_path):
 @pytest.mark.validate
 def test_a_film_needs_no_vulkan(tmp_path, monkeypatch):
     monkeypatch.setattr(
-        "taichi_disk.render.film.require_film",
+        "taichi_disk.render.artist.Artist.require_film",
         lambda artist: pytest.fail("Vulkan was asked for"),
     )
     scene = load_scene(

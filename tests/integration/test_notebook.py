@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from programs import film_problem
 
 from taichi_disk import load_sweep, run, run_sweep
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.progress import reported
-from taichi_disk.render import film_problem
 
 ROOT = Path(__file__).parents[2]
 

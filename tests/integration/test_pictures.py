@@ -6,13 +6,13 @@ import os
 import numpy as np
 import pytest
 from bodies import shaken, to_pixels
+from programs import film_problem
 
 from taichi_disk import runtime
 from taichi_disk.engine import ti
 from taichi_disk.fields import QUANTITIES, Triangles, at_points
 from taichi_disk.lattice import Lattice
 from taichi_disk.physics import Springs
-from taichi_disk.render import film_problem
 from taichi_disk.render.finisher import shrunk
 from taichi_disk.render.geometry import Camera
 from taichi_disk.render.painter import Painter

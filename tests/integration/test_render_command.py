@@ -4,11 +4,10 @@ results."""
 import numpy as np
 import pytest
 from PIL import Image
-from programs import contents
+from programs import contents, film_problem
 
 from taichi_disk import load_scene, run
 from taichi_disk.cli import main
-from taichi_disk.render import film_problem
 
 needs_vulkan = pytest.mark.skipif(
     film_problem() is not None, reason=str(film_problem())

@@ -247,7 +247,7 @@ def test_an_export_that_fails_takes_no_result_with_it(tmp_path, monkeypatch, com
     def fails(*_):
         raise FULL
 
-    monkeypatch.setitem(export.FORMATS, "xyz", export.Format(".xyz", fails))
+    monkeypatch.setitem(export.FORMATS, "xyz", (".xyz", fails))
     status, printed, errors = command("--export=xyz")
     assert status == 1
     assert printed.startswith("restitution e ")

@@ -186,9 +186,9 @@ def test_fringes_follow_the_difference_of_the_principal_stresses():
         difference = at_points("fringes", MESH, Springs(1.0), x, np.zeros_like(x))
         light = np.sin(np.pi * difference / fringe) ** 2
         assert light[middle] == pytest.approx(bright, abs=2e-3)
-    # five fringes up to the largest difference, which is twice the shear stress
-    shear = np.array([0.0, 0.03, 0.06, 0.075, 0.3])
-    assert fringes(shear) == pytest.approx([0.0, 1.0, 0.0, 0.5, 0.0], abs=1e-12)
+    # five fringes up to the largest difference
+    difference = np.array([0.0, 0.06, 0.12, 0.15, 0.6])
+    assert fringes(difference) == pytest.approx([0.0, 1.0, 0.0, 0.5, 0.0], abs=1e-12)
 
 
 def test_smoothing_keeps_uniform_values_and_averages_neighbours():

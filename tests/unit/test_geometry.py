@@ -25,7 +25,6 @@ def test_the_edge_is_drawn_where_the_wall_pushes_with_a_force_or_at_its_surface(
     soft = ExponentialWall(1.0, 1e-3)
     assert soft.height_of_force(1.0) < 0.0
     assert edge_height(soft, 1.0) == edge_height(soft, 0.0) == 0.0
-    assert edge_height(None, 1.0) == 0.0
 
 
 def test_a_rigid_motion_stays_where_it_is_and_a_strain_is_magnified():

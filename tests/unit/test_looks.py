@@ -35,6 +35,7 @@ from taichi_disk.physics import Springs
 from taichi_disk.progress import silent
 from taichi_disk.render import film, finisher, pictures, words
 from taichi_disk.render import painter as painting
+from taichi_disk.render.artist import Artist
 from taichi_disk.render.geometry import Camera
 from taichi_disk.render.letters import LEAST, Face, Letters
 from taichi_disk.render.moments import Caption, Span
@@ -267,10 +268,10 @@ def test_a_film(name, tmp_path, monkeypatch, record):
     monkeypatch.setattr(words, "stamp", stamp)
     monkeypatch.setattr(painting, "get_field_info", lambda array: array)
     monkeypatch.setattr(painting.Painter, "paint", noted)
-    monkeypatch.setattr(film, "require_film", lambda artist: None)
+    monkeypatch.setattr(Artist, "require_film", lambda artist: None)
     monkeypatch.setattr(pictures, "open_window", lambda size: Sheet(size, notes))
     look = video(fps=10, **keys)
-    film.draw_film(tmp_path / "film", runs, look, silent)
+    film.draw_film(tmp_path / "film", runs, look, silent, Artist())
     for style, words_alike in groupby(texts, itemgetter(0)):
         notes.append(f"{style}: {'; '.join(text for _, text in words_alike)}")
     for path in sorted((tmp_path / "film").iterdir()):
@@ -471,7 +472,7 @@ def test_plots(name, record):
 )
 def test_panels_beside_films(name, height, factor, theme, monkeypatch, record):
     figures = seen(monkeypatch)
-    scene = panel_scene(invented(*RUNS[name]), Letters(height, factor), theme)
+    scene = panel_scene(invented(*RUNS[name]), Letters(height, factor, theme))
     drawn = draw_panel(scene)
     record(f"panel_{name}", [*of_figure(figures[0]), f"{drawn.boxes}"])
 

@@ -43,7 +43,7 @@ def test_the_smallest_quota_of_all_groups_counts(tmp_path, membership, files, qu
 def test_cores_are_those_of_the_affinity_and_no_more_than_the_quota(
     monkeypatch, quota, expected
 ):
-    monkeypatch.setattr(os, "process_cpu_count", lambda: 8, raising=False)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(8), raising=False)
     monkeypatch.setattr("taichi_disk.machine.cpu_quota", lambda *_: quota)
     assert cores() == expected
 

@@ -8,7 +8,7 @@ import pytest
 
 from taichi_disk.output.panel import PanelScene, draw_panel
 from taichi_disk.output.plot import TimeCurve
-from taichi_disk.render.curves import Curves
+from taichi_disk.render.finisher import draw_curves
 from taichi_disk.render.palette import THEMES
 
 NAMES = ("flight", "vibration", "elastic", "wall", "dashpots", "boundary", "friction")
@@ -68,22 +68,10 @@ def test_a_line_stands_at_the_time_between_coloured_and_grey_curves():
     shown = replace(shown, t=shown.t + 1.0)
     drawn = draw_panel(shown)
     picture = np.zeros((720, 560, 4), dtype=np.uint8)
-    Curves(drawn, shown).draw(picture, 1.25)
+    draw_curves(picture, drawn, shown, 1.25)
     left, right, top, bottom = drawn.boxes[0]
     column = left + round(0.25 * (right - left - 1))
     faint = np.rint(255.0 * np.array(shown.colours["faint"]))
     assert (picture[top:bottom, column : column + 2, :3] == faint).all()
     assert (picture[:, :column] == drawn.past[:, :column]).all()
     assert (picture[:, column + 2 :] == drawn.coming[:, column + 2 :]).all()
-
-
-def test_a_panel_shows_its_time_whatever_it_showed_before():
-    shown = scene()
-    drawn = draw_panel(shown)
-    curves = Curves(drawn, shown)
-    picture = np.zeros((720, 560, 4), dtype=np.uint8)
-    for t in (0.5, 0.9, 0.1, -1.0, 2.0, 0.3, 0.3):
-        alone = np.zeros_like(picture)
-        Curves(drawn, shown).draw(alone, t)
-        curves.draw(picture, t)
-        assert (picture == alone).all()
