@@ -33,16 +33,13 @@ export function centroid(x, count) {
 // best.
 function rotation(from, to, count) {
   const [fromX, fromY] = centroid(from, count);
-  const [toX, toY] = centroid(to, count);
   let dot = 0;
   let cross = 0; // cross / dot is the tangent of the angle
   for (let i = 0; i < 2 * count; i += 2) {
     const ax = from[i] - fromX;
     const ay = from[i + 1] - fromY;
-    const bx = to[i] - toX;
-    const by = to[i + 1] - toY;
-    dot += ax * bx + ay * by;
-    cross += ax * by - ay * bx;
+    dot += ax * to[i] + ay * to[i + 1];
+    cross += ax * to[i + 1] - ay * to[i];
   }
   return Math.atan2(cross, dot);
 }
@@ -157,7 +154,7 @@ export class Drawing {
     if (camera.home && (this.isResized || !this.field)) this.fit();
     const centre = [state.row.com_x, state.row.com_y];
     if (options.follow) [this.camera.x, this.camera.y] = centre;
-    const theme = scene.themes[options.theme];
+    const { theme } = this;
     const isMoved = options.magnify * (options.ringing ?? 1) > 1;
     const x = isMoved ? this.placed(state.x) : state.x;
     const hasWall = scene.wall.kind !== "none";
@@ -200,6 +197,10 @@ export class Drawing {
     if (canvas.width !== pixelWidth) canvas.width = pixelWidth;
     if (canvas.height !== pixelHeight) canvas.height = pixelHeight;
     return pixelWidth > 0 && pixelHeight > 0;
+  }
+
+  get theme() {
+    return this.scene.themes[this.options.theme];
   }
 
   get isFilled() {
@@ -290,7 +291,7 @@ export class Drawing {
   picture(lines) {
     const { context: ctx } = this;
     this.draw();
-    Object.assign(ctx, { fillStyle: this.scene.themes[this.options.theme].ink, textAlign: "left" });
+    Object.assign(ctx, { fillStyle: this.theme.ink, textAlign: "left" });
     lines.forEach((text, k) => {
       ctx.font = `${k ? "13px" : "bold 17px"} system-ui, sans-serif`;
       ctx.fillText(text, 16, 26 + 20 * k);
@@ -371,9 +372,7 @@ export class Drawing {
     if (!surface.length) {
       const [left, low] = this.toWorld(-this.width, this.height);
       const [right] = this.toWorld(2 * this.width, 0);
-      const leftEnd = [left, 0];
-      const rightEnd = [right, 0];
-      chain = [leftEnd, rightEnd];
+      chain = [left, right].map((end) => [end, 0]);
       bottom = Math.min(low, 0) - 1;
     }
     for (const [px, py] of chain) path.lineTo(...this.toScreen(px, py + height));

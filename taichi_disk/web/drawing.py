@@ -27,37 +27,35 @@ from taichi_disk.render.palette import THEMES, Theme, colour_map, map_kind
 
 # colour of what the user can drag
 _ACCENT = "rgb(230, 115, 0)"
-# Texts of the page for the start, a collected curve and its axes.
+# Texts of the page for the start, a collected curve and its axes, and the controls that
+# have nothing to do.
 _IMPACT_LABELS = {
     "drop": "Throw",
     "collect": "Collect e(v)",
     "curve": "restitution e over the speed v [c]",
+    "unused": "",
 }
 _LOAD_LABELS = {
     "drop": "Load",
     "collect": "Collect ξ(P)",
     "curve": "compression ξ [R] over the load P [Mc²/R]",
+    "unused": "hit slow arrow",
 }
 
 
 def scene_message(
-    scenario: Scenario,
-    video: VideoSection | None = None,
-    *,
-    largest_force: float | None = None,
+    scenario: Scenario, video: VideoSection, largest_force: float
 ) -> dict[str, Any]:
     """Return the argument of `Drawing.setScene`, ready for JSON.
 
     Args:
         video: the section whose colour, draw, theme and magnify the drawing begins
-            with; by default the scene's.
-        largest_force: largest force of the wall on one point, if known [M c^2/R]; it
-            determines the wall's drawn edge.
+            with.
+        largest_force: largest force of the wall on one point, or its estimate [M
+            c^2/R]; it determines the wall's drawn edge.
     """
     lattice = scenario.lattice
-    video = video or scenario.scene.video
     triangles = Triangles(lattice)
-    force = scenario.point_force if largest_force is None else largest_force
     indices = {
         "triangles": triangles.triangles,
         "springs": lattice.bonds,
@@ -67,19 +65,16 @@ def scene_message(
     }
     message = {name: encoded(each, np.uint32) for name, each in indices.items()}
     labels = _IMPACT_LABELS
-    unused: list[str] = []
     if not scenario.is_thrown:
         labels = _LOAD_LABELS
-        unused = ["hit", "slow", "arrow"]
     return message | {
         "points": len(lattice.positions),
         "disk_points": lattice.disk_points,
         "rest": encoded(lattice.positions, np.float32),
-        "wall": _wall(lattice, scenario.model.wall, force),
+        "wall": _wall(lattice, scenario.model.wall, largest_force),
         "spoke": scenario.spoke,
         "view": [float(one) for one in scenario.view],
         "labels": labels,
-        "unused": unused,
         "options": _options(video),
         "quantities": [_quantity(name) for name in QUANTITIES],
         "maps": _maps(),
@@ -171,14 +166,13 @@ def colour_values(
     return values(quantity, triangles, springs, x, v).astype(np.float32)
 
 
-def contact_forces(
-    wall: Any, lattice: Lattice, springs: Any, x: Array, v: Array
-) -> NDArray[np.float32]:
+def contact_forces(scenario: Scenario, x: Array, v: Array) -> NDArray[np.float32]:
     """Return the wall's force on every point in its reach, (k, 3): point, fx, fy [M
     c^2/R]."""
-    if wall is None:
+    model = scenario.model
+    if model.wall is None:
         return np.zeros((0, 3), dtype=np.float32)
-    points, forces = wall.contact_forces(lattice, x, v, springs)
+    points, forces = model.wall.contact_forces(scenario.lattice, x, v, model.springs)
     return np.column_stack([points, forces]).astype(np.float32)
 
 

@@ -3,8 +3,8 @@
 import { Controls } from "./controls.js";
 import { Drawing, bytes, decoded } from "./draw.js";
 import { followPointers } from "./gestures.js";
-import { checked, element, elements, inks } from "./html.js";
-import { FONT, arrow, label, line, roundAbove, roundBelow } from "./legend.js";
+import { checked, element, elements, inks, parsed } from "./html.js";
+import { FONT, arrow, label, line, roundAbove, roundBelow, write } from "./legend.js";
 import { Throws } from "./throws.js";
 
 const VELOCITY_ARROW = 0.7; // length of the arrow of the speed before an impact [R]
@@ -90,12 +90,10 @@ class Recording {
   // Set the values of the coloured quantity.
   colour(mixed, quantity) {
     const { points } = this.run.scene;
-    const { range, signed } = this.run.limits[quantity];
-    const zero = signed ? 127 : 0;
-    const levels = signed ? 127 : 255;
+    const { unit, zero } = this.run.limits[quantity];
     const codes = this.codes[quantity];
     for (let i = 0; i < points; i++) {
-      this.values[i] = (range * (mixed(codes, points, i) - zero)) / levels;
+      this.values[i] = unit * (mixed(codes, points, i) - zero);
     }
   }
 }
@@ -122,11 +120,10 @@ class Pane extends Drawing {
 }
 
 // Return a short line with the dash of a run.
-function stroke(dash) {
-  const made = element("template");
-  made.innerHTML = `<svg width="30" height="8"><path d="M1 4H29" fill="none" stroke="currentColor" stroke-width="2" stroke-dasharray="${dash}"/></svg>`;
-  return made.content;
-}
+const stroke = (dash) =>
+  parsed(
+    `<svg width="30" height="8"><path d="M1 4H29" fill="none" stroke="currentColor" stroke-width="2" stroke-dasharray="${dash}"/></svg>`,
+  );
 
 // Curves of the velocity, the force and the energies over time, grey where they are still to come.
 // Those of each run have a dash of its own.
@@ -182,19 +179,16 @@ class Curves {
     const height = down - 46;
     const column = (t) => left + (width * (t - first)) / (last - first);
     const row = (value) => top + 24 + ((high - value) / (high - low)) * height;
-    const write = (text, x, y, textAlign) => {
-      Object.assign(ctx, { textAlign, fillStyle: colours.faint });
-      ctx.fillText(text, x, y);
-    };
     ticks.forEach((value, k) => {
       line(ctx, [[left, row(value)], [left + width, row(value)]], colours.rule, 1);
-      write(numbers[k], left - 5, row(value) + 4, "right");
+      write(ctx, numbers[k], left - 5, row(value) + 4, { textAlign: "right", theme: colours });
     });
     const step = roundBelow((last - first) / (width < WIDE ? 1.5 : 2.5));
     const most = step * Math.floor(last / step + 1e-6);
     for (let t = step * Math.ceil(first / step); t <= most * 1.001; t += step) {
-      const text = label(Number(t.toPrecision(6)));
-      write(t > most - step / 2 ? `${text} ${unit}` : text, column(t), top + down - 7, "center");
+      const number = label(Number(t.toPrecision(6)));
+      const text = t > most - step / 2 ? `${number} ${unit}` : number;
+      write(ctx, text, column(t), top + down - 7, { theme: colours });
     }
     Object.assign(ctx, { textAlign: "left", fillStyle: colours.ink });
     const words = [title, title.split(" [")[0], title.split(" ")[0]];

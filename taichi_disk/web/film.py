@@ -47,9 +47,9 @@ from taichi_disk.web.drawing import (
 from taichi_disk.web.throws import throwable
 
 _LEVELS = 32_000  # levels of a displacement on either side of zero
-# levels of a colour on either side of zero, and from zero up
-_SIGNED = 127
-_AMOUNT = 255
+# codes of a colour for zero and for the largest value
+_SIGNED = 127, 254
+_AMOUNT = 0, 255
 _STATES = 300_000  # approximate number of points in all states of a file together
 _FEWEST = 40  # fewest states, for a large disk; the page interpolates between them
 
@@ -121,7 +121,7 @@ def _packed(
             data += bytes(_padding(data))
             places[name] = len(data), array.size
             data += array.tobytes()
-        scene = scene_message(one.run.scenario, video, largest_force=one.largest_force)
+        scene = scene_message(one.run.scenario, video, one.largest_force)
         runs.append(
             {
                 "scene": scene | shared | {"title": title},
@@ -229,7 +229,7 @@ def _recorded(
     for _, x, v in states.states():
         raise_if_interrupted()
         moved.append(x - lattice.positions)
-        forces.append(contact_forces(scenario.model.wall, lattice, springs, x, v))
+        forces.append(contact_forces(scenario, x, v))
         centres.append(lattice.mean(x))
         velocities.append(lattice.mean(v))
         for name, each in values.items():
@@ -249,12 +249,13 @@ def _recorded(
         full = limit
         if name == "fringes":  # whose limit is the stress of one fringe
             full = float(np.max(values[name]))
-        part = np.array(values[name]) / max(full, 1e-300)
-        codes = _AMOUNT * np.clip(part, 0.0, 1.0)
+        zero, highest = _AMOUNT
         if kind.signed:
-            codes = _SIGNED * (1.0 + np.clip(part, -1.0, 1.0))
+            zero, highest = _SIGNED
+        step = max(full, 1e-300) / (highest - zero)
+        codes = np.clip(zero + np.array(values[name]) / step, 0.0, highest)
         arrays[name] = _differences(np.rint(codes).astype(np.uint8))
-        scales[name] = {"limit": limit, "range": full, "signed": kind.signed}
+        scales[name] = {"limit": limit, "unit": step, "zero": zero}
     first = np.cumsum([0, *map(len, forces)]).tolist()
     return arrays, {"unit": unit, "first": first, "limits": scales}
 

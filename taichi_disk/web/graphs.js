@@ -1,6 +1,6 @@
 // Curves over time, in which a drag goes back in time. CSS draws the frame of a plot.
 
-import { element, inks } from "./html.js";
+import { element } from "./html.js";
 import { label, line, roundAbove, roundBelow } from "./legend.js";
 
 const GRAPHS = [["energy"], ["force", "motion"]]; // on the left and right scale of each graph
@@ -13,16 +13,6 @@ const NAMES = 8.7; // width for the names of the curves, over the size of the le
 const NAMES_PART = 0.5; // at most this part of a plot's width
 const LINE_HEIGHT = 1.2; // of a name, over the size of the letters
 const TICKS = 3.5; // least distance of two numbers of the axis of time, over the size of the letters
-
-// Write names, each with the curve whose colours it has, if any.
-export function legend(caption, names) {
-  const name = ([text, curve]) => {
-    if (!curve) return text;
-    const [, , light, dark] = curve;
-    return element("span", { style: inks(light, dark) }, text);
-  };
-  caption.replaceChildren(...names.map(name));
-}
 
 // Write numbers around a plot: its scales {low, high} left and right, [fraction of the width, text]
 // below. A rule is drawn in the middle of a scale, or at its 0.

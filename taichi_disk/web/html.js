@@ -6,6 +6,9 @@ export function element(tag, properties = {}, ...children) {
   return made;
 }
 
+// Return the element that a text of HTML describes.
+export const parsed = (text) => element("template", { innerHTML: text }).content.firstChild;
+
 // Return a style that gives an element a colour on a light and one on a dark ground, which CSS calls
 // `--curve`.
 export const inks = (light, dark) => `--light: ${light}; --dark: ${dark}`;
@@ -22,22 +25,16 @@ export function checked(root) {
   );
 }
 
-// Return what was stored in this tab under a name, or "". A frame may forbid to store anything.
-export function recall(name) {
+// Return texts by their names, stored as long as the tab is open; a frame may forbid to store any.
+function openStore() {
   try {
-    return sessionStorage.getItem(name) ?? "";
+    return sessionStorage;
   } catch {
-    return "";
+    return {};
   }
 }
 
-export function remember(name, text) {
-  try {
-    sessionStorage.setItem(name, text);
-  } catch {
-    // The next reload forgets it.
-  }
-}
+export const store = openStore();
 
 // Copy a text; a page that came by plain http and some frames have no clipboard, but can copy a
 // selection.

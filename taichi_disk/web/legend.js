@@ -83,7 +83,7 @@ export function drawLegend(ctx, picture) {
   drawColours(ctx, picture, places);
 }
 
-function write(ctx, text, x, y, { textAlign = "center", theme }) {
+export function write(ctx, text, x, y, { textAlign = "center", theme }) {
   Object.assign(ctx, { textAlign, fillStyle: theme.faint });
   ctx.fillText(text, x, y);
 }

@@ -2,27 +2,22 @@
 // read-outs.
 
 export function unpacked(buffer, columns, curves) {
-  const view = new DataView(buffer);
-  const word = (place) => view.getUint32(place, true);
-  const points = word(12);
-  const forces = word(16);
-  const colours = word(24);
-  let at = 36;
+  let at = 0;
   const next = (count) => {
     const floats = new Float32Array(buffer, at, count);
     at += floats.byteLength;
     return floats;
   };
+  const [number, t, points, forces, pulled, colours, limit, fullForce] = next(8);
   const row = Object.fromEntries([...next(columns.length)].map((value, k) => [columns[k], value]));
-  const graph = next(curves);
   return {
-    number: word(0),
-    t: view.getFloat64(4, true),
-    pulled: view.getInt32(20, true),
+    number,
+    t,
+    pulled,
+    limit,
+    fullForce,
     row,
-    graph,
-    limit: view.getFloat32(28, true),
-    fullForce: view.getFloat32(32, true),
+    graph: next(curves),
     x: next(2 * points),
     values: next(colours),
     forces: next(3 * forces),

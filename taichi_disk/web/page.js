@@ -2,7 +2,7 @@
 // sleep. A key, stored as long as the tab is open, gives it its own disk back.
 
 import { Sandbox } from "./sandbox.js";
-import { recall, remember } from "./html.js";
+import { store } from "./html.js";
 
 const ADDRESS = new URL("socket", location.href);
 const KEY = "taichi-disk session"; // name under which the key of the session is stored
@@ -12,8 +12,7 @@ const PATIENCE = 15000; // of hearing nothing, after which the page asks [ms]
 
 let socket;
 let heard = 0; // when the program was heard last [ms]
-const key = recall(KEY) || String(Math.random()).slice(2);
-remember(KEY, key);
+const key = (store[KEY] ||= String(Math.random()).slice(2));
 
 const send = (message) =>
   socket.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message));

@@ -2,10 +2,8 @@
 
 import { digits } from "./controls.js";
 import { frame } from "./graphs.js";
-import { element, inks } from "./html.js";
+import { element, inks, parsed } from "./html.js";
 import { label, roundAbove } from "./legend.js";
-
-const SVG = "http://www.w3.org/2000/svg";
 
 // Parameters that make a curve of its own, with their names and usual values.
 const SET_COLUMNS = {
@@ -76,10 +74,8 @@ export function fitRestitution(rows) {
 }
 
 function polyline(points, colours, dash) {
-  const curve = document.createElementNS(SVG, "polyline");
-  curve.setAttribute("points", points.map(([x, y]) => `${100 * x},${100 * (1 - y)}`).join(" "));
-  curve.setAttribute("style", `${inks(...colours)}; stroke-dasharray: ${dash}`);
-  return curve;
+  const places = points.map(([x, y]) => `${100 * x},${100 * (1 - y)}`).join(" ");
+  return `<polyline points="${places}" style="${inks(...colours)}; stroke-dasharray: ${dash}"/>`;
 }
 
 const clipped = (part) => Math.min(Math.max(part, 0), 1);
@@ -161,24 +157,23 @@ export function showDiagram(plot, caption, results, { title, range, fitted }) {
   const kind = results.at(-1).result;
   const shown = results.filter((row) => row.result === kind);
   const axes = new Axes(shown, range);
-  const curves = document.createElementNS(SVG, "svg");
-  curves.setAttribute("viewBox", "0 0 100 100");
-  curves.setAttribute("preserveAspectRatio", "none");
+  const curves = [];
   const marks = [];
   for (const { label: text, colours, rows } of inSets(shown)) {
     const inside = rows.filter((row) => axes.contains(row)).sort((a, b) => a.load - b.load);
     const untouched = inside.filter(({ disturbance }) => !disturbance);
     const isFitted = fitted && kind === "e" && untouched.length > 2;
     const fit = isFitted ? fitRestitution(untouched) : null;
-    if (fit) curves.append(polyline(axes.curve(fit.e), colours, "5 4"));
+    if (fit) curves.push(polyline(axes.curve(fit.e), colours, "5 4"));
     else {
       const points = untouched.map(({ load, value }) => [axes.across(load), axes.up(value)]);
-      curves.append(polyline(points, colours, "none"));
+      curves.push(polyline(points, colours, "none"));
     }
     caption.append(element("span", { style: inks(...colours) }, setName(text, fit)));
     for (const row of rows) marks.push(markOf(row, colours, axes));
   }
-  frame(plot, [curves, ...marks], axes.decades, axes);
+  const box = `<svg viewBox="0 0 100 100" preserveAspectRatio="none">${curves.join("")}</svg>`;
+  frame(plot, [parsed(box), ...marks], axes.decades, axes);
 }
 
 // ---- the table

@@ -4,26 +4,12 @@
 import { Controls } from "./controls.js";
 import { Drawing } from "./draw.js";
 import { followPointers, grip } from "./gestures.js";
-import { Graphs, LETTERS, legend } from "./graphs.js";
-import { checked, copy, download, element, elements, recall, remember } from "./html.js";
+import { Graphs, LETTERS } from "./graphs.js";
+import { checked, copy, download, element, elements, inks, store } from "./html.js";
 import { unpacked } from "./message.js";
 import { asText, showDiagram, showResults } from "./results.js";
 import { showScenes } from "./scenes.js";
 
-const KEYS = {
-  " ": "space",
-  ArrowLeft: "Left",
-  ArrowRight: "Right",
-  ArrowUp: "Up",
-  ArrowDown: "Down",
-};
-// numbers that are always seen
-const FIRST = [
-  "impact.velocity",
-  "compression.pressure",
-  "material.eta_star",
-  "material.viscosity",
-];
 const OWN_KEYS = [
   // keys that a control with the focus uses itself
   ["input[type=text], select", /./],
@@ -44,10 +30,10 @@ const DARK = matchMedia("(prefers-color-scheme: dark)");
 // Return the program's name of a key. Letters count by their place on the keyboard if the layout
 // has others, such as Cyrillic or Greek.
 function keyName(event) {
-  if (KEYS[event.key]) return KEYS[event.key];
+  if (event.key === " ") return "space";
   const isLatin = /^[ -~]*$/.test(event.key);
   const name = isLatin ? event.key : event.code.replace(/^Key/, "");
-  return name.length === 1 ? name.toLowerCase() : name;
+  return name.length === 1 ? name.toLowerCase() : name.replace(/^Arrow/, "");
 }
 
 // Return a line of the read-out; a line that begins with * is the result.
@@ -65,14 +51,8 @@ function isOutside({ target, clientX, clientY }) {
 export class Sandbox {
   // `node` holds the elements of index.html; `send` takes a command for the program.
   constructor(node, send) {
-    Object.assign(this, {
-      node,
-      theme: recall(THEME),
-      hello: null,
-      panel: null,
-      state: null,
-      target: null,
-    });
+    this.node = node;
+    this.theme = store[THEME];
     node.dataset.theme = this.theme || (DARK.matches ? "dark" : "light");
     const ui = (this.ui = elements(node));
     this.send = (message) => {
@@ -82,11 +62,8 @@ export class Sandbox {
     };
     this.drawing = new Drawing(ui.disk);
     this.graphs = new Graphs([ui.energy, ui.motion], (t) => this.send({ do: "scrub", t }));
-    const places = { speed: ui.speed, "video.magnify": ui.magnify };
-    for (const key of FIRST) places[key] = ui.numbers;
-    const place = (key) => places[key] ?? (key.startsWith("video.") ? ui.looks : ui.others);
     this.controls = new Controls(
-      place,
+      (key) => node.querySelector(`[data-keys~="${key}"]`) ?? ui.others,
       (key, value) => this.set(key, value),
       (text) => {
         this.shownMessage = null; // the next right number takes it away
@@ -108,12 +85,12 @@ export class Sandbox {
     document.addEventListener("keydown", (event) =>
       this.panel ? this.key(event) : this.expect(event.key === " "),
     );
-    const own = [...node.querySelectorAll("[aria-keyshortcuts]")];
-    this.shortcuts = own.map((one) => [
-      one.getAttribute("aria-keyshortcuts"),
-      one.title || one.textContent,
-    ]);
-    own.forEach((one, k) => (one.title = `${this.shortcuts[k][1]} (${this.shortcuts[k][0]})`));
+    this.shortcuts = [];
+    for (const one of node.querySelectorAll("[aria-keyshortcuts]")) {
+      const shortcut = [one.getAttribute("aria-keyshortcuts"), one.title || one.textContent];
+      this.shortcuts.push(shortcut);
+      one.title = `${shortcut[1]} (${shortcut[0]})`;
+    }
     // Where there is a tab for the experiment, one panel is seen at a time.
     this.showTab(node.querySelector(".narrow").clientWidth ? "experiment" : "graphs");
     // A phone begins with the disk alone.
@@ -123,8 +100,8 @@ export class Sandbox {
     ui.timeline.oninput = () => this.send({ do: "scrub", t: Number(ui.timeline.value) });
     node.onpointermove = () => this.wake();
     DARK.onchange = () => this.takeTheme();
-    window.addEventListener("beforeprint", () => this.print(true));
-    window.addEventListener("afterprint", () => this.print(false));
+    window.addEventListener("beforeprint", () => this.panel && this.print());
+    window.addEventListener("afterprint", () => this.panel && this.showPanel(this.panel));
     document.addEventListener("fullscreenchange", () => {
       if (!document.fullscreenElement) this.project(false);
     });
@@ -202,7 +179,7 @@ export class Sandbox {
 
   chooseTheme(theme) {
     this.theme = theme;
-    remember(THEME, theme);
+    store[THEME] = theme;
   }
 
   // Take the theme that the visitor has chosen, or the system's until then.
@@ -263,19 +240,16 @@ export class Sandbox {
     else if (kind === "graphs") this.showGraphs(message);
     else if (kind === "panel") this.showPanel(message);
     else if (kind === "yaml") this.scene = message.text;
-    else if (kind === "film") this.takeFilm(message.page);
+    else if (kind === "film") {
+      this.showFilm(false);
+      if (message.page) download(message.page, "disk.html", "text/html"); // or a message says why not
+    }
   }
 
   showFilm(isAwaited) {
     const button = this.ui["film-page"];
     button.disabled = isAwaited;
     button.textContent = isAwaited ? "The film is made …" : "Film to play with";
-  }
-
-  // Save a film; without one, a message says why.
-  takeFilm(page) {
-    this.showFilm(false);
-    if (page) download(page, "disk.html", "text/html");
   }
 
   showHello({ keys }) {
@@ -288,7 +262,8 @@ export class Sandbox {
 
   showScene(message) {
     this.drawing.setScene(message);
-    for (const id of ["hit", "slow", "arrow"]) this.ui[id].disabled = message.unused.includes(id);
+    const { unused } = message.labels;
+    for (const id of ["hit", "slow", "arrow"]) this.ui[id].disabled = unused.includes(id);
     this.ui.aiming.hidden = this.ui.arrow.disabled;
   }
 
@@ -341,14 +316,13 @@ export class Sandbox {
     drawing.set({ ...checked(ui.options), arrow, canAim, isAimed, letters: this.letters });
     drawing.draw(state);
     this.node.style.setProperty("--legend", `${drawing.footer}px`);
-    const { theme: name } = drawing.options;
-    const theme = drawing.scene.themes[name];
+    const { theme } = drawing;
     const pulled = 2 * state.pulled;
     if (pulled >= 0 && this.target) {
       const point = [state.x[pulled], state.x[pulled + 1]];
       drawing.drawArrow(point, this.target, theme.accent, theme);
     }
-    this.graphs.draw(state, theme, name, this.letters);
+    this.graphs.draw(state, theme, drawing.options.theme, this.letters);
     if (panel.again < 1) return;
     ui.timeline.max = Math.max(this.graphs.data?.t.at(-1) ?? 1, 1e-3);
     ui.timeline.value = state.t;
@@ -366,13 +340,10 @@ export class Sandbox {
     return Math.max(Math.min(Math.max(room, 1), row < 1.4 ? most : Math.min(row, most)), least);
   }
 
-  // Draw for paper, which is white, or for the screen again.
-  print(isPaper) {
-    if (!this.panel) return;
-    const chosen = this.panel.choices.find(({ key }) => key === "video.theme").value;
-    const theme = isPaper ? "light" : chosen;
-    this.node.dataset.theme = theme;
-    this.drawing.set({ theme });
+  // Draw for paper, which is white.
+  print() {
+    this.node.dataset.theme = "light";
+    this.drawing.set({ theme: "light" });
     this.draw();
   }
 
@@ -392,11 +363,12 @@ export class Sandbox {
     const [motion, unit] = message.motion;
     this.graphs.replace(message, curves);
     const before = this.graphs.before ? "; dotted: the throw before" : "";
-    legend(this.ui.energies, [[`energies [Mc²]${before}`]]);
-    legend(this.ui.motions, [
-      ["force of the wall [Mc²/R], left", curves.at(-2)],
-      [`${motion} [${unit}], right`, curves.at(-1)],
-    ]);
+    this.ui.energies.textContent = `energies [Mc²]${before}`;
+    const names = ["force of the wall [Mc²/R], left", `${motion} [${unit}], right`];
+    const spans = curves.slice(-2).map(([, , light, dark], k) => {
+      return element("span", { style: inks(light, dark) }, names[k]);
+    });
+    this.ui.motions.replaceChildren(...spans);
   }
 
   showPanel(panel) {

@@ -20,7 +20,7 @@ function sketch(card) {
     ctx.beginPath();
     ctx.arc(64, wall, 56, 0, Math.PI);
     ctx.fill();
-  } else ctx.fillRect(0, wall, 128, card.hardness > 1000 ? 18 : 10);
+  } else ctx.fillRect(0, wall, 128, card.a > 1000 ? 18 : 10);
   ctx.globalAlpha = 1;
   const pens = {
     pinned: { strokeStyle: ink, lineWidth: 4 },
@@ -43,7 +43,7 @@ function sketch(card) {
   const mark = [x + 28 * Math.cos(angle), y + 28 * Math.sin(angle)];
   line(ctx, [mark, [x, y]], ink, 2);
   if (card.spin) turnArrow(ctx, x, y, Math.sign(card.spin), velocity);
-  const length = 8 + (isImpact ? 90 * Math.sqrt(card.velocity) : 140 * Math.sqrt(card.load));
+  const length = 8 + (isImpact ? 90 * Math.sqrt(card.velocity) : 140 * Math.sqrt(card.pressure));
   const foot = isImpact ? y : y - 8 - length;
   const tip = [x + length * Math.sin(card.angle), foot + length * Math.cos(card.angle)];
   arrow(ctx, [x, foot], tip, 3, isImpact ? velocity : ink, "#fff");

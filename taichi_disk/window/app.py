@@ -53,8 +53,7 @@ def list_presets(first: Scene | None) -> list[Preset]:
     for group, rows in groups.items():
         for scene, change, name, question, *pace in rows:
             load = partial(load_scene, scene, change.split())
-            options = pace[0] if pace else {}
-            entries.append(Preset(name, question, load, group, **options))
+            entries.append(Preset(name, question, load, group, *pace))
     if first is None:
         return entries
     opened = [entry for entry in entries if entry.load() == first]
@@ -94,10 +93,7 @@ def _is_scene(path: Path) -> bool:
 def has_browser() -> bool:
     """Return whether the user would see a browser: not over SSH, and on Linux not
     without a display."""
-    names = ("DISPLAY", "WAYLAND_DISPLAY")
-    has_display = not sys.platform.startswith("linux") or any(
-        map(os.environ.get, names)
-    )
-    return bool(has_display) and not (
-        os.environ.get("SSH_CONNECTION") or os.environ.get("SSH_TTY")
-    )
+    if os.environ.get("SSH_CONNECTION"):
+        return False
+    has_display = any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
+    return has_display or not sys.platform.startswith("linux")

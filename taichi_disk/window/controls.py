@@ -9,6 +9,8 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple, get_args
 
+import numpy as np
+
 from taichi_disk.config.sections import (
     SLIDERS,
     Boundary,
@@ -133,23 +135,16 @@ def values_of(key: str) -> tuple[str, ...]:
     return get_args(CHOICES[key][1])
 
 
-def next_value(key: str, value: str) -> str:
-    """Return the value of a choice after `value`, or the first one after the last."""
-    values = values_of(key)
-    return values[(values.index(value) + 1) % len(values)]
-
-
 class Preset(NamedTuple):
     """A scene of the list: its name, a question or its origin, the function that reads
-    the scene, its group, the speed of time with which it begins [R/c per s], and
-    whether its contacts pass in slow motion; None: as they were before."""
+    the scene, its group, and the speed of time with which it begins [R/c per s], with
+    contacts in slow motion; None: as they were before."""
 
     name: str
     question: str
     load: Callable[[], Scene]
     group: str = ""
-    speed: float | None = None
-    slow: bool | None = None
+    pace: float | None = None
 
 
 def described(error: Exception) -> str:
@@ -235,11 +230,11 @@ class Controls:
         """Let each of `keys` call `act` with the value at its place in `values`; a
         single key needs no value."""
         self.reference.append((keys, meaning))
-        each: list[tuple[Any, ...]] = [(value,) for value in values] or [()]
-        self.actions |= {
-            key: partial(act, *value)
-            for key, value in zip(keys.split(), each, strict=True)
-        }
+        if not values:
+            self.actions[keys] = act
+            return
+        for key, value in zip(keys.split(), values, strict=True):
+            self.actions[key] = partial(act, value)
 
     def press(self, key: str) -> None:
         """Do the action of a key; an unknown key does nothing."""
@@ -325,10 +320,12 @@ class Controls:
         self.set(key, new)
 
     def _next(self, key: str) -> None:
-        """Change a choice to the next of its values, if the scene has it."""
+        """Change a choice to the next of its values, or to the first after the last, if
+        the scene has it."""
         value = self.value(key)
         if value is not None:
-            self.sandbox.set(key, next_value(key, value))
+            values = values_of(key)
+            self.sandbox.set(key, values[(values.index(value) + 1) % len(values)])
 
     # ---- scenes
 
@@ -349,18 +346,18 @@ class Controls:
 
     def _take_pace(self) -> None:
         """Let time pass as the scene of the list suggests."""
-        entry = self.playlist[self.number]
-        if entry.speed is not None:
-            self.sandbox.speed = entry.speed
-        if entry.slow is not None:
-            self.sandbox.slow = entry.slow
+        pace = self.playlist[self.number].pace
+        if pace is not None:
+            self.sandbox.speed = pace
+            self.sandbox.slow = True
 
     def collect(self) -> None:
         """Collect a curve of results over the range of speeds or loads, or stop
         collecting. Raises TaichiDiskError."""
-        high = RANGES[load_key(self.sandbox.scene)].high
-        loads = [
-            float(f"{high * CURVE_RATIO ** (-k / (CURVE_POINTS - 1)):.2g}")
-            for k in range(CURVE_POINTS)
-        ]
-        self.sandbox.collect([] if self.sandbox.remaining_loads else loads)
+        sandbox = self.sandbox
+        if sandbox.remaining_loads:
+            sandbox.collect([])
+        else:
+            high = RANGES[load_key(sandbox.scene)].high
+            loads = np.geomspace(high, high / CURVE_RATIO, CURVE_POINTS)
+            sandbox.collect([float(f"{load:.2g}") for load in loads])

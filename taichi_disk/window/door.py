@@ -46,10 +46,8 @@ def answer(
     is_upgrade = "websocket" in upgrades
     if is_upgrade and name == SOCKET and _is_own(request.headers):
         return None
-    if is_upgrade:
+    if is_upgrade or name == SOCKET:
         return connection.respond(403, _REFUSAL)
-    if name == SOCKET:
-        return connection.respond(426, _REFUSAL)
     if not slash:
         response = connection.respond(307, "")
         response.headers["Location"] = f"{token}/"

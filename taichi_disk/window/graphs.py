@@ -24,24 +24,19 @@ from taichi_disk.simulation.observables import (
 from taichi_disk.window.sandbox import Sandbox, load_key, value_of
 
 MAX_CURVE_POINTS = 400  # most points of a curve
-_STORED = ["elastic", "wall", *of_kind("loss")]
+_ENERGIES = [*of_kind("part"), "elastic", "wall", *of_kind("loss")]
 _LOSSES = [INDEX[name] for name in of_kind("loss")]
 
 
-def _curve(graph: str, name: str, colour: str) -> tuple[str, str, str, str]:
-    return graph, name, colour, ON_DARK[colour]
-
-
-# Graph and name of each curve, and its colours on a light and on a dark ground, which
-# are those of films. The names "flight" and "motion" depend on the scene.
-CURVES = (
-    *(
-        _curve("energy", BY_NAME[name].label, BY_NAME[name].colour)
-        for name in [*of_kind("part"), *_STORED]
-    ),
-    _curve("force", "force of the wall", INK),
-    _curve("motion", "motion", VELOCITY),
+# Graph and name of each curve, and its colour, which is that of films. The names
+# "flight" and "motion" depend on the scene.
+_ON_LIGHT = (
+    *(("energy", BY_NAME[name].label, BY_NAME[name].colour) for name in _ENERGIES),
+    ("force", "force of the wall", INK),
+    ("motion", "motion", VELOCITY),
 )
+# the same with the colours on a light and on a dark ground
+CURVES = [(graph, name, colour, ON_DARK[colour]) for graph, name, colour in _ON_LIGHT]
 
 
 class Graphs:
@@ -75,17 +70,15 @@ class Graphs:
             "values": values,
             "motion": self._scenario.words.momentary,
             "flight": "flight" if self._scenario.is_thrown else "motion",
-            "began": began,
         }
 
     def values(self, rows: Array) -> Array:
         """Return CURVES (rows, curves) of observables (rows, k): energies [M c^2],
         force [M c^2/R], velocity or ξ."""
-        observables = dict(zip(INDEX, rows.T, strict=True))
-        columns = split(observables, self._inertia)
-        curves = [columns[name] for name in [*of_kind("part"), "elastic", "wall"]]
-        curves += [*(rows[:, _LOSSES] + self._lost_before).T]
-        curves.append(columns["wall_force"])
+        rows = rows.copy()
+        rows[:, _LOSSES] += self._lost_before
+        columns = split(dict(zip(INDEX, rows.T, strict=True)), self._inertia)
+        curves = [columns[name] for name in [*_ENERGIES, "wall_force"]]
         curves.append(self._scenario.momentary_motion(columns))
         return np.stack(curves, axis=1)
 

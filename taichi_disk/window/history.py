@@ -323,9 +323,7 @@ class Timeline:
         most = min(MAX_STATES, MAX_BYTES / now.snapshot.vectors.nbytes)
         if len(self.checkpoints) >= max(most, 3.0):
             self.checkpoints = self.checkpoints[::2]
-            self.spacing = (self.checkpoints[-1].t - self.checkpoints[0].t) / (
-                len(self.checkpoints) - 1
-            )
+            self.spacing *= 2.0
 
     # ---- the state on display
 

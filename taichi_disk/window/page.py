@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import asyncio
 import json
+from collections import deque
 from collections.abc import Callable
 from time import perf_counter
-from typing import Any
 
 from taichi_disk.window.controls import described
 from taichi_disk.window.films import make_film
@@ -15,7 +15,6 @@ from taichi_disk.window.session import Session, read_command
 
 Message = str | bytes
 MAX_RATE = 60.0  # pictures per second
-_MAX_IN_FLIGHT = 2  # states that were sent to a page and not yet drawn
 
 
 class Page:
@@ -26,7 +25,9 @@ class Page:
         """`send` sends a text or a state to the page."""
         self._session = session
         self._send = send
-        self._in_flight: list[int] = []  # numbers of states
+        # numbers of the last two states that were sent, and of the last that was drawn
+        self._sent = deque([0, 0], 2)
+        self._seen = 0.0
         self._shown: dict[str, Message] = {}  # the last message of each kind
         self._film: asyncio.Task[None] | None = None
         # the page may have been lost while its user pulled the disk
@@ -45,10 +46,10 @@ class Page:
         if message is None:
             return
         if message["do"] == "seen":
-            number = message["number"]
-            self._in_flight = [one for one in self._in_flight if one > number]
+            self._seen = min(message["number"], self._session.number)
         elif message["do"] == "alive":
-            self._tell("alive")  # it has heard nothing for a while
+            # it has heard nothing for a while
+            self._send(json.dumps({"kind": "alive"}))
         elif message["do"] == "film":
             self._film = self._film or asyncio.create_task(self._save_film())
         else:
@@ -61,8 +62,7 @@ class Page:
         while True:
             began = perf_counter()
             news.clear()
-            is_ready = len(self._in_flight) < _MAX_IN_FLIGHT
-            if is_ready and self._show():
+            if self._seen >= self._sent[0] and self._show():
                 await asyncio.sleep(max(began + 1.0 / MAX_RATE - perf_counter(), 0.0))
             else:
                 await news.wait()
@@ -80,14 +80,10 @@ class Page:
         }
         self._shown |= news
         if "state" in news:
-            self._in_flight.append(session.number)
+            self._sent.append(session.number)
         for message in news.values():
             self._send(message)
         return bool(news)
-
-    def _tell(self, kind: str, **content: Any) -> None:
-        """Send a message that is told once."""
-        self._send(json.dumps({"kind": kind} | content))
 
     async def _save_film(self) -> None:
         """Make a film of the present scene and send it, or show why there is none."""
@@ -99,4 +95,4 @@ class Page:
                 return  # the page has left; to stop a film may end in an error
             self._session.tell(described(error))
         self._film = None
-        self._tell("film", page=film)
+        self._send(json.dumps({"kind": "film", "page": film}))

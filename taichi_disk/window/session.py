@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import struct
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -55,7 +54,6 @@ _COMMANDS = {
 _REPLACED = ("set", "scrub", "turn", "aim", "pull")
 # points; a larger lattice takes longer to build than a picture may take
 LARGE_LATTICE = 5000
-HEADER = struct.Struct("<IdIIiI2f")  # see `Session._state`
 PAST_HINT = "earlier state: Go on continues from here"
 
 
@@ -106,15 +104,15 @@ class Session:
         self._pending: dict[Any, dict[str, Any]] = {}
         # what the last text of a kind depends on
         self._keys: dict[str, Any] = {}
-        self.messages: dict[str, Any] = {}
         hello = {
+            "kind": "hello",
             "columns": [*INDEX],
             "playlist": [_card(entry) for entry in playlist],
             "curves": CURVES,
             "keys": self.controls.reference,
             "repeating": REPEATING_KEYS,
         }
-        self._write("hello", 0, lambda: hello)
+        self.messages: dict[str, Any] = {"hello": json.dumps(hello)}
         self.advance()
 
     # ---- commands
@@ -231,18 +229,17 @@ class Session:
     def _scene(self) -> dict[str, Any]:
         scenario = self.sandbox.time.display.segment.scenario
         self._triangles = Triangles(scenario.lattice)
-        return scene_message(scenario, self.sandbox.scene.video) | {
-            "start": self.sandbox.starts
-        }
+        video = self.sandbox.scene.video
+        return scene_message(scenario, video, scenario.point_force)
 
     def _state(self) -> bytes:
-        """Return the binary message of a picture, little-endian.
+        """Return the binary message of a picture: little-endian float32, and the
+        caption in UTF-8.
 
-        HEADER holds the number, t since the hit began [R/c], points, forces, the point
-        that the mouse pulls (-1: none), values, the value of full colour and the force
-        of the longest arrow [M c^2/R]. Observables (INDEX), graph values (CURVES),
-        positions (2n), values and forces (3k) follow as float32, and the caption in
-        UTF-8.
+        At first stand the number, t since the hit began [R/c], points, forces, the
+        point that the mouse pulls (-1: none), values, the value of full colour and the
+        force of the longest arrow [M c^2/R]. Observables (INDEX), graph values
+        (CURVES), positions (2n), values and forces (3k) follow.
         """
         sandbox = self.sandbox
         state = sandbox.time.display
@@ -254,12 +251,12 @@ class Session:
         video = sandbox.scene.video
         of_springs = video.draw == "springs"
         values = colour_values(video.colour, self._triangles, springs, x, v, of_springs)
-        forces = contact_forces(scenario.model.wall, lattice, springs, x, v)
+        forces = contact_forces(scenario, x, v)
         scales = self.scales
         scales.update(values[: lattice.disk_points], forces, video.colour)
         pulled = sandbox.grip[0] if sandbox.grip else -1
         t = state.t - state.segment.hit_began
-        header = HEADER.pack(
+        header = [
             self.number,
             t,
             len(x),
@@ -268,11 +265,11 @@ class Session:
             len(values),
             scales.colour,
             scales.force,
-        )
+        ]
         curves = self.graphs.values(state.row[None])[0]
-        parts = [state.row, curves, x.ravel(), values, forces.ravel()]
+        parts = [header, state.row, curves, x.ravel(), values, forces.ravel()]
         floats = np.concatenate(parts).astype("<f4")
-        return header + floats.tobytes() + self._caption(t).encode()
+        return floats.tobytes() + self._caption(t).encode()
 
     def _caption(self, t: float) -> str:
         """Return the lines of the read-out: at first the time, at the end the result,
@@ -296,6 +293,7 @@ class Session:
         controls = self.controls
         entry = controls.playlist[controls.number]
         words = sandbox.time.display.segment.scenario.words
+        load = RANGES[load_key(sandbox.scene)]
         return {
             "message": sandbox.message or self.scales.note,
             "refusals": controls.refusals,
@@ -317,7 +315,7 @@ class Session:
             "collecting": len(sandbox.remaining_loads),
             "results": [one._asdict() for one in sandbox.results],
             "again": self._recomputed(),
-            "loadRange": self._load_range(),
+            "loadRange": (load.low, load.high),
         }
 
     def _recomputed(self) -> float:
@@ -327,11 +325,6 @@ class Session:
         if time.lead <= 0.0:
             return 1.0
         return round(time.segment.now / time.display.t, 2)
-
-    def _load_range(self) -> tuple[float, float]:
-        """Return the ends of the slider of the speed or load."""
-        usual = RANGES[load_key(self.sandbox.scene)]
-        return usual.low, usual.high
 
     def _sliders(self) -> list[dict[str, Any]]:
         """Return the sliders of the scene.
@@ -361,6 +354,18 @@ class Session:
         return choices
 
 
+# keys of what a small picture of a scene shows
+_SKETCHED = (
+    "wall.a",
+    "wall.boundary",
+    "impact.velocity",
+    "impact.angle",
+    "impact.spin",
+    "impact.turn",
+    "compression.pressure",
+)
+
+
 @cache
 def _card(entry: Preset) -> dict[str, Any]:
     """Return what the page's list shows of a scene; the numbers of its first state, for
@@ -373,9 +378,6 @@ def _card(entry: Preset) -> dict[str, Any]:
     if entry.group:
         scene = entry.load()
         card["kind"] = scene.scene
-        card["hardness"] = scene.wall.a
-        for name in ("velocity", "angle", "spin", "turn"):
-            card[name] = value_of(scene, f"impact.{name}") or 0.0
-        card["load"] = value_of(scene, "compression.pressure") or 0.0
-        card["boundary"] = value_of(scene, "wall.boundary") or ""
+        for key in _SKETCHED:
+            card[key.partition(".")[2]] = value_of(scene, key)
     return card

@@ -12,6 +12,7 @@ from threading import Event
 from typing import Any
 from unittest.mock import Mock
 
+import numpy as np
 import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
@@ -22,7 +23,7 @@ from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window import server
 from taichi_disk.window.controls import Preset
 from taichi_disk.window.server import Sessions
-from taichi_disk.window.session import HEADER, MAX_BYTES
+from taichi_disk.window.session import MAX_BYTES
 
 SETTINGS = ["lattice.points=60", "impact.velocity=0.05", "material.eta_star=1"]
 PLAYLIST = [
@@ -65,7 +66,7 @@ class Guest:
             message: str | bytes = ""
             while isinstance(message, str):
                 message = await asyncio.wait_for(self.connection.recv(), 10.0)
-            self.number = HEADER.unpack(message[: HEADER.size])[0]
+            self.number = int(np.frombuffer(message, "<f4", 1)[0])
             await self.say("seen", number=self.number)
 
 

@@ -23,8 +23,7 @@ const SCENE = {
   wall: { kind: "rigid", edge: 0.021, decay: 0.013 },
   spoke: 2,
   view: [-1.3, 1.6, -0.1, 2.3],
-  labels: { drop: "Throw", collect: "Collect e(v)", curve: "e over v" },
-  unused: [],
+  labels: { drop: "Throw", collect: "Collect e(v)", curve: "e over v", unused: "" },
   options: { draw: "both", theme: "light", quantity: "pressure", magnify: 1 },
   quantities: [
     { name: "pressure", label: "pressure", unit: "Mc²/R²", signed: true, power: 1, map: "two", low: "pull", high: "push" },

@@ -13,7 +13,7 @@ function runOf(number) {
   const steps = differences(moved);
   const codes = (zero) => differences([0, 1, 2, 3].map((k) => POINTS.map((_, i) => zero + 8 * k * (i - 2))));
   const forces = [5, 0, 0.01, 5, 0.002, 0.02, 6, -0.004, 0.03];
-  const limit = { limit: 0.05, range: 0.06, signed: false };
+  const limit = { limit: 0.05, unit: 0.06 / 255, zero: 0 };
   const arrays = {
     centres: bytesOf([0, 1.2, 0.1, 1, 0.2, 0.9, 0.3, 1.1], Float32Array),
     velocities: bytesOf([0.01, -0.04, 0.01, -0.03, 0, 0, 0, 0.03], Float32Array),
@@ -28,7 +28,8 @@ function runOf(number) {
     return [`t = ${k} of ${number}`, motion, "", "slow", k === 5 ? "the ringing" : ""];
   });
   const scene = { ...SCENE, full_force: 0.03, title: [`run ${number}`, "N = 7", "η* = 2"] };
-  const limits = { pressure: { ...limit, signed: true }, strain: limit, fringes: limit };
+  const signed = { ...limit, unit: 0.06 / 127, zero: 127 };
+  const limits = { pressure: signed, strain: limit, fringes: limit };
   const strengths = [1, 1, 1, 1, 1, 3 + number];
   const numbers = { strengths, states: STATES, full_speed: number ? 0 : 0.04, unit: 1e-3 };
   return { run: { scene, captions, limits, first: [0, 0, 1, 3, 3], ...numbers }, arrays };

@@ -11,17 +11,17 @@ const HELLO = {
   ],
   playlist: [
     card({ spin: 0.3 }),
-    card({ name: "Oblique", angle: 0.4, turn: 0.7, hardness: 3000, spin: -0.2 }),
+    card({ name: "Oblique", angle: 0.4, turn: 0.7, a: 3000, spin: -0.2 }),
     card({ name: "Elastic", group: "Walls", kind: "absorbing_wall", boundary: "pinned", velocity: 0.09 }),
     card({ name: "Dashpots", group: "Walls", kind: "absorbing_wall", boundary: "dashpot" }),
-    card({ name: "Load", group: "Loads", kind: "compression", load: 0.01, velocity: 0 }),
+    card({ name: "Load", group: "Loads", kind: "compression", pressure: 0.01, velocity: 0 }),
     { name: "file", question: "From a folder.", group: "Loads" },
   ],
   keys: [["space", "throw"], ["Left Right", "in time"], ["t", "theme"], ["h", "hit"]],
   repeating: ["Left", "e"],
 };
 function card(more) {
-  const numbers = { velocity: 0.04, angle: 0, spin: 0, turn: 0, load: 0, hardness: 300, boundary: "" };
+  const numbers = { velocity: 0.04, angle: 0, spin: 0, turn: 0, pressure: 0, a: 300, boundary: null };
   const words = { name: "Bounce", question: "How high?", group: "", kind: "exponential_wall" };
   return { ...words, ...numbers, ...more };
 }
@@ -105,19 +105,9 @@ function stateOf(more) {
   const colours = values ?? x.slice(0, x.length / 2).map((value, k) => 0.01 * (k - 3));
   const row = [...centre, ...velocity, centre[1] - 0.9];
   const words = new TextEncoder().encode(caption);
-  const floats = [...row, ...graph, ...x, ...colours, ...forces];
-  const view = new DataView(new ArrayBuffer(36 + 4 * floats.length + words.length));
-  view.setUint32(0, number, true);
-  view.setFloat64(4, t, true);
-  view.setUint32(12, x.length / 2, true);
-  view.setUint32(16, forces.length / 3, true);
-  view.setInt32(20, pulled, true);
-  view.setUint32(24, colours.length, true);
-  view.setFloat32(28, 0.05, true);
-  view.setFloat32(32, 0.02, true);
-  floats.forEach((value, k) => view.setFloat32(36 + 4 * k, value, true));
-  new Uint8Array(view.buffer).set(words, 36 + 4 * floats.length);
-  return view.buffer;
+  const head = [number, t, x.length / 2, forces.length / 3, pulled, colours.length, 0.05, 0.02];
+  const floats = Float32Array.from([...head, ...row, ...graph, ...x, ...colours, ...forces]);
+  return Uint8Array.from([...new Uint8Array(floats.buffer), ...words]).buffer;
 }
 
 let panel = PANEL;
@@ -221,8 +211,7 @@ function record() {
       wall: { kind: "elastic", edge: 0.03, decay: 0.02 },
       wall_surface: indices([7, 8, 9]),
       spoke: -1,
-      unused: ["hit", "slow", "arrow"],
-      labels: { drop: "Load", collect: "Collect ξ(P)", curve: "ξ over P" },
+      labels: { drop: "Load", collect: "Collect ξ(P)", curve: "ξ over P", unused: "hit slow arrow" },
     });
     tell({ ...GRAPHS, motion: ["compression ξ", "R"], flight: "motion" });
     show({ atStart: true, number: 3, status: "disturbed", warnings: [], seed: 6, loadRange: [1e-4, 0.05] });

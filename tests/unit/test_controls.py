@@ -95,7 +95,7 @@ def test_a_collected_curve_spans_a_factor_of_30_in_even_ratios(controls):
 
 def test_a_scene_of_the_list_may_set_the_pace(controls):
     sandbox = controls.sandbox
-    controls.playlist[1] = controls.playlist[1]._replace(speed=3.0, slow=True)
+    controls.playlist[1] = controls.playlist[1]._replace(pace=3.0)
     for number in (1, 0):  # the pace of the second is the user's
         controls.play(number)
         assert sandbox.speed == 3.0

@@ -81,7 +81,7 @@ def test_a_header_that_comes_twice_is_no_error(name):
 
 def test_a_wrong_address_leads_further():
     plain = answered(SOCKET)  # no websocket is asked for
-    assert plain.status_code == 426
+    assert plain.status_code == 403
     without_slash = answered(f"/{TOKEN}")
     assert without_slash.status_code == 307
     address = f"http://{HERE}/{TOKEN}"

@@ -552,7 +552,8 @@ TYPES = {"centres": "<f4", "velocities": "<f4", "forces": "<f4"}
 
 def test_a_sandbox_begins_unmagnified_and_its_springs_have_their_own_values():
     scenario = load_scene("exponential_wall", SMALL).scenario()
-    assert scene_message(scenario)["options"]["magnify"] == 1.0
+    message = scene_message(scenario, scenario.scene.video, scenario.point_force)
+    assert message["options"]["magnify"] == 1.0
     lattice = scenario.lattice
     state = 1.01 * lattice.positions, scenario.velocities
     for name, n in (("strain", len(lattice.bonds)), ("speed", 41)):

@@ -7,7 +7,7 @@ from itertools import groupby
 import numpy as np
 from shown import digest, number, numbers
 
-from taichi_disk.window.session import HEADER, Session, read_command
+from taichi_disk.window.session import Session, read_command
 
 # what a user says, one after the other; None: time passes
 ACTS = (
@@ -77,8 +77,7 @@ def told(session):
     scene as YAML is that of `to_yaml`, so what is noted of it are its changes."""
     for kind, message in session.messages.items():
         if kind == "state":
-            size = HEADER.size
-            header = HEADER.unpack(message[:size])
+            header = np.frombuffer(message, "<f4", 8).tolist()
             yield f"  state {' '.join(map(number, header[1:]))}"
             continue
         content = json.loads(message)

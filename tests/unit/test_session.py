@@ -20,7 +20,7 @@ from taichi_disk.web.drawing import colour_values
 from taichi_disk.window.app import list_folder, list_presets
 from taichi_disk.window.controls import CHOICES, CURVE_POINTS, RANGES
 from taichi_disk.window.graphs import CURVES
-from taichi_disk.window.session import HEADER, Session, read_command
+from taichi_disk.window.session import Session, read_command
 
 WEB = Path(__file__).parents[2] / "taichi_disk" / "web"
 
@@ -100,7 +100,7 @@ def test_no_message_makes_an_error(session):
         heard += 1
         if choose.random() < 0.5:
             session.advance()
-    assert len(session.messages["state"]) > HEADER.size
+    assert session.messages["state"]
 
 
 @pytest.mark.validate
@@ -150,7 +150,7 @@ console.log(JSON.stringify(state, plain));"""
     state = json.loads(read)
     seen = session.sandbox.time.display
     header = [state[name] for name in ("number", "t", "pulled")]
-    assert header == [session.number, seen.t, -1]
+    assert header == pytest.approx([session.number, seen.t, -1], rel=1e-6)
     for name, value in seen.values.items():
         assert state["row"][name] == pytest.approx(value, rel=1e-6)
     np.testing.assert_allclose(state["x"], seen.x.ravel(), rtol=1e-6, atol=1e-6)
