@@ -121,7 +121,7 @@ def _axes(
         given = tree.entries.get(target)
         if given and given.key.rank == 0 < mark.rank:
             # An option replaces what the file says, as for single values.
-            del tree.value[target[0]][target[1]], tree.entries[target]
+            tree.remove(*target)
         if target in tree.entries or target in taken:
             other = taken.get(target, "the scene")
             tree.fault(
