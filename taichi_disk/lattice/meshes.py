@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
@@ -47,6 +48,7 @@ def _read(path: Path) -> Any:
             "a lattice is read from a .csv, .txt, .tsv or .npz file; for meshes meshio"
             f" is needed: {install_extra('export')}"
         ) from None
+    _check(path.read_bytes())
     # meshio prints why it cannot read a file, and then ends the process.
     printed = io.StringIO()
     try:
@@ -62,6 +64,18 @@ def _read(path: Path) -> Any:
         " with the columns x and y, or give points and triangles to"
         " Lattice.from_points"
     )
+
+
+def _check(content: bytes) -> None:
+    """Raise InputError for a file with which meshio would fill the memory."""
+    if re.search(rb"^\*INCLUDE", content, re.M | re.I):
+        raise InputError("it includes another file: write both into one (*INCLUDE)")
+    # meshio makes a table of all numbers up to the largest
+    if re.search(rb"\$Nodes.*?^ *[0-9]{9,}\s", content, re.M | re.S):
+        raise InputError(
+            "a node or a triangle has a number above 99,999,999: number them from 1 on"
+            " (RenumberMeshNodes in gmsh)"
+        )
 
 
 def _triangles_of(mesh: Any) -> Long:

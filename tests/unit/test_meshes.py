@@ -133,11 +133,11 @@ $EndPhysicalNames
 $Nodes
 2
 1 0 0 0
-2 1 0 0
+{last} 1 0 0
 $EndNodes
 $Elements
 1
-1 1 2 7 1 1 2
+1 1 2 7 1 1 {last}
 $EndElements
 """
 
@@ -145,7 +145,13 @@ $EndElements
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("a.msh", CURVE, r"\(physical groups: rim\); if there"),
+        (
+            "a.msh",
+            CURVE.format(last=2),
+            r"\(physical groups: rim\); if there",
+        ),
+        ("a.msh", CURVE.format(last=10**13), "has a number above 99,999,999"),
+        ("a.inp", "*NODE\n1,0,0\n*Include,INPUT=a.inp\n", "it includes another file"),
         ("a.dat", "0 1\n", r"it is no .dat file\): write its points as a table"),
         ("a.xyz", "0\n", r"write its points as a table \(.csv\)"),
     ],
