@@ -8,6 +8,7 @@ import json
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import asdict, dataclass
+from math import isfinite
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,8 @@ from taichi_disk.errors import (
     NOTICES,
     InputError,
     by_kind,
+    check_flags,
+    did_you_mean,
     whole_number,
 )
 from taichi_disk.lattice import file_digest
@@ -100,15 +103,22 @@ class SweepResult:
                 rows.append((label, law, parameters))
                 label = ""  # stands only beside the first law
         rows += [("", law, meaning) for law, meaning in explanations(curves)]
-        figure = None
-        if len(self.failed) < len(self.rows):
-            figure = self.plot()
         return card(
             f"{self.summary['scene']}: {_counted(self)}",
             rows,
-            figure,
+            self._figure(),
             self.summary["warnings"],
         )
+
+    def _repr_png_(self) -> bytes | None:
+        """Return a picture for documents without HTML, such as those by LaTeX."""
+        figure = self._figure()
+        return figure._repr_png_() if figure else None
+
+    def _figure(self) -> Plot | None:
+        if len(self.failed) == len(self.rows):
+            return None
+        return self.plot()
 
     def plot(self, x: str | None = None, y: str | None = None) -> Plot:
         """Return a figure of Matplotlib, which may be changed and saved.
@@ -454,13 +464,29 @@ def _stored(
 def _read_point(path: Path, scene: Scene) -> PointResult:
     try:
         result = PointResult(**json.loads(path.read_bytes()))
-        float(result.numbers[scene.results[0]])
+        _check_point(result, scene)
         return result
     except Exception as error:  # a damaged file may hold anything
         raise InputError(
             f"{path}: not the result of a point ({reason(error)}): delete the file to"
             " compute it again"
         ) from None
+
+
+def _check_point(result: PointResult, scene: Scene) -> None:
+    """Raise an error unless `result` is what `_write_point` writes for `scene`."""
+    if result.status != "done":
+        raise InputError(f"status: must be done, not {result.status!r}")
+    known = {*scene.results, *scene.optional_results, *DIAGNOSTICS}
+    for name in {*scene.results, *result.numbers}:
+        value: Any = result.numbers.get(name)
+        if name not in known:
+            raise InputError(f"{name}: unknown{did_you_mean(name, known)}")
+        is_number = type(value) in (int, float) and isfinite(value)
+        is_free = name == "integrator" or (name == "error_estimate" and value is None)
+        if not (is_number or is_free):
+            raise InputError(f"{name}: must be a finite number, not {value!r:.60}")
+    check_flags(estimated=result.estimated)
 
 
 def _write_point(out: Path, key: str, scene: Scene, result: PointResult) -> None:

@@ -280,20 +280,32 @@ def test_points_of_other_versions_are_computed_anew(tmp_path, monkeypatch):
     assert len(points(tmp_path / "out")) == 5
 
 
-def test_a_file_that_is_no_result_of_a_point_is_refused(tmp_path):
+def test_a_stored_point_is_read_as_strictly_as_a_scene(tmp_path):
     sweep = ONE + "sweep: {velocity: [0.05]}", tmp_path / "out"
     swept(*sweep)
     (file,) = points(tmp_path / "out")
     text = file.read_text()
     record = json.loads(text)
+    numbers = record["numbers"]
     faults = {
-        text[:40]: "Expecting",
-        "[1]": "must be a mapping",
-        json.dumps(record | {"numbers": {"xi": 0.1}}): "'restitution'",
-        json.dumps(record | {"numbrs": {}}): "unexpected keyword argument 'numbrs'",
+        "status: must be done, not 'failed'": {"status": "failed"},
+        "restitution: must be a finite number, not nan": {
+            "numbers": numbers | {"restitution": np.nan}
+        },
+        "steps: must be a finite number, not '12'": {
+            "numbers": numbers | {"steps": "12"}
+        },
+        "contact_time: must be a finite number, not None": {
+            "numbers": {"restitution": 0.9}
+        },
+        "restitutoin: unknown; did you mean restitution?": {
+            "numbers": numbers | {"restitutoin": 0.9}
+        },
+        "estimated: must be True or False": {"estimated": "no"},
+        "unexpected keyword argument 'numbrs'": {"numbrs": {}},
     }
-    for content, message in faults.items():
-        file.write_text(content)
+    for message, change in faults.items():
+        file.write_text(json.dumps(record | change))
         with pytest.raises(InputError, match=re.escape(message)) as raised:
             swept(*sweep)
         assert str(file) in str(raised.value)
