@@ -1,10 +1,13 @@
 """Options and fixtures of all tests."""
 
 import gc
+import signal
 from functools import partial
 
 import pytest
 
+# a shell ignores Ctrl-C for commands in the background
+signal.signal(signal.SIGINT, signal.default_int_handler)
 gc.disable()  # until all tests are found: they and their modules stay to the end
 SANDBOX = {
     "test_controls",
