@@ -136,14 +136,8 @@ class Program:
 
     def vacate(self) -> None:
         if self.occupant:
-            self.occupant.save()
+            self.occupant.saved = self.occupant.snapshot()
         self.occupant = None
-
-    def snapshot(self) -> Snapshot:
-        """Return a copy of the occupant's state."""
-        assert self.occupant is not None
-        n = len(self.occupant.lattice.positions)
-        return owner.call(self.state.export, n, self.occupant.step_number)
 
     def _begin(self, simulation: Simulation) -> Written:
         """Write the state at t = 0."""
@@ -242,7 +236,7 @@ class Simulation:
         self.arrangement = self.cache.arrangement(lattice)
         self.factor = self._factor()
         self.program = self.cache.program(self)
-        rows = np.empty((1, len(INDEX)))
+        rows = np.zeros((1, len(INDEX)))
         counts = np.array([NEVER, 0, 0, 0], np.int32)
         limits = rows, bounds_array({}), counts
         owner.call(self.program.kernels.advance, -1, 1, 1, *limits)
@@ -301,7 +295,7 @@ class Simulation:
         kernels = self._in_fields().kernels
         steps_since_row = self.step_number % stride
         max_rows = (steps_since_row + steps) // stride + 1
-        rows = np.empty((max_rows, self.now.size))
+        rows = np.zeros((max_rows, self.now.size))
         if bounds is None:
             bounds = bounds_array({})
         counts = np.array([needed, settled, 0, 0], np.int32)
@@ -324,13 +318,10 @@ class Simulation:
 
     # ---- states
 
-    def save(self) -> None:
-        """Keep the state, because another simulation gets the fields."""
-        self.saved = self.program.snapshot()
-
     def snapshot(self) -> Snapshot:
         """Return a copy of the state, from which `restore` continues bitwise."""
-        return self._in_fields().snapshot()
+        n = len(self.lattice.positions)
+        return owner.call(self._in_fields().state.export, n, self.step_number)
 
     def restore(self, snapshot: Snapshot) -> None:
         owner.call(self._in_fields().state.restore, snapshot)

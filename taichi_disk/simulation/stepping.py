@@ -34,11 +34,11 @@ from taichi_disk.physics.law import (
 )
 from taichi_disk.physics.ordering import Arrangement
 
-# Accumulators of a run. A kernel keeps them in a local vector and stores them at its
-# end. In a 0-D field they would be
-# late by one launch: Taichi 1.7.4 keeps such fields in registers across loops, so later
-# loops read the old value.
-SUMS = 8
+# Accumulators of a run, and sums of its last step. A kernel keeps them in a local
+# vector and stores them at its end. In a 0-D field they would be late by one launch:
+# Taichi 1.7.4 keeps such fields in registers across loops, so later loops read the old
+# value.
+SUMS = 12
 (
     DISSIPATED,
     POWER,
@@ -48,6 +48,12 @@ SUMS = 8
     SLIDING,
     LEAVING,
     INITIAL_LOSS,
+    # of the last step: elastic energy and products (see `Springs.add`), upward force
+    # and potential of the contact with an elastic wall
+    ELASTIC,
+    PRODUCTS,
+    UPWARD,
+    POTENTIAL,
 ) = range(SUMS)
 FRICTION, FRICTION_POWER = range(SUMS, SUMS + 2)  # present only with friction
 
@@ -62,7 +68,7 @@ class Snapshot:
     # those of earlier steps; with a correction the observed velocities before their
     # last kick and the positions X.
     vectors: Array
-    sums: Array  # (SUMS,) accumulators; (SUMS + 2,) with friction
+    sums: Array  # (SUMS,) or, with friction, (SUMS + 2,)
 
     def velocities(self, integrator: Integrator, dt: float, lattice: Lattice) -> Array:
         """Return the velocities (n, 2) at the step, after its last kick [c]."""
@@ -308,53 +314,40 @@ class Stepping:
     @ti.func
     def stage(self, kick, move, shift, sums):
         peak_point_force = self.drift(kick, move, shift, 0, self.state.n[None])
-        elastic, products = self.springs.add(
+        sums[ELASTIC], sums[PRODUCTS] = self.springs.add(
             self.state, self.explicit, 0, self.state.blocks[None]
         )
-        result, upward, potential = self.add_contact(move, sums, peak_point_force)
-        return result, elastic, products, upward, potential
+        return self.add_contact(move, sums, peak_point_force)
 
     @ti.func
-    def add_contact(self, move, sums, rigid_peak):
-        """Add elastic-wall forces and apply the pinned boundary.
+    def add_contact(self, move, sums, peak_point_force):
+        """Add elastic-wall forces, apply the pinned boundary, and return sums.
 
-        The points have just moved by `move` times the velocity; `rigid_peak` is the
-        rigid wall's largest force on one point. Returns sums, and force and potential
-        of the contact with the elastic wall.
+        The points have just moved by `move` times the velocity; `peak_point_force` is
+        the rigid wall's largest force on one point.
         """
-        result = sums
-        peak_point_force = rigid_peak
-        upward = 0.0
-        potential = 0.0
         if ti.static(self.contact):
-            sliding = 0.0
-            upward, potential, peak_point_force, sliding = self.wall.add(
+            sums[UPWARD], sums[POTENTIAL], peak_point_force, sliding = self.wall.add(
                 self.state, move
             )
-            result[SLIDING] += sliding
+            sums[SLIDING] += sliding
         if ti.static(self.pinned):
             self.boundary.hold(self.state)
-        result[PEAK_POINT_FORCE] = ti.max(result[PEAK_POINT_FORCE], peak_point_force)
-        return result, upward, potential
+        sums[PEAK_POINT_FORCE] = ti.max(sums[PEAK_POINT_FORCE], peak_point_force)
+        return sums
 
     # ---- a step
 
     @ti.func
-    def step(self, number, before):
-        """Make step `number`. Returns the sums, elastic energy, contact force and
-        contact potential after it.
+    def step(self, number, sums):
+        """Make step `number`, and return the sums after it.
 
         Step 0 moves nothing: it computes the forces at t = 0 from x_0 and v_0 (in `v`
         and `u`) and subtracts the last kick of a preceding step.
         """
-        sums = before
         h = self.elapsed(number, self.state.h[None])
-        elastic = 0.0
-        products = 0.0
-        upward = 0.0
-        potential = 0.0
         if ti.static(self.integrator.forces == 1):
-            sums, elastic, products, upward, potential = self.stage(h, h, 0.0, sums)
+            sums = self.stage(h, h, 0.0, sums)
         else:
             last = ti.static(self.integrator.forces - 1)
             # This is a loop, because four inlined stages compile slowly.
@@ -365,10 +358,8 @@ class Stepping:
                 for s in ti.static(range(self.integrator.forces)):
                     if k == s:
                         kick, move, shift = self.integrator.stages[s]
-                sums, elastic, products, upward, potential = self.stage(
-                    kick * h, move * h, shift * h * h, sums
-                )
-        return self.account(number, sums, products), elastic, upward, potential
+                sums = self.stage(kick * h, move * h, shift * h * h, sums)
+        return self.account(number, sums)
 
     @ti.func
     def elapsed(self, number, time):
@@ -385,12 +376,9 @@ class Stepping:
         return age
 
     @ti.func
-    def account(self, number, sums, products):
+    def account(self, number, sums):
         """End step `number`: apply point dashpots, the boundary's reset and friction,
-        and sum up the lost energy.
-
-        `products`: see `Springs.add`. Returns sums.
-        """
+        sum up the lost energy, and return sums."""
         h = self.elapsed(number, self.state.h[None])
         closing = self.elapsed(number, self.state.closing[None])
         power = 0.0
@@ -398,7 +386,7 @@ class Stepping:
         late = 0.0
         boundary_power = 0.0
         if ti.static(self.explicit):
-            power = self.springs.eta_now[None] * products
+            power = self.springs.eta_now[None] * sums[PRODUCTS]
         if ti.static(self.implicit):
             power, cross, late = self.solver.solve_velocities(
                 self.state, self.age(number)
@@ -409,29 +397,27 @@ class Stepping:
             boundary_power = self.boundary.damp(self.state, 0.5 * h)
         result = sums
         p0 = sums[POWER]
-        p1 = power
         b0 = sums[BOUNDARY_POWER]
-        b1 = boundary_power
         # Leapfrog conserves E + h^2 E_2 + O(h^4), so a dashpot g takes the integral of
         # g (v^2 + c h^2 a^2), with c = 2/3 for predicted, 1/6 for centred and -1/6 for
         # solved velocities. These sums give it to O(h^4).
-        loss = h * (p0 + 2.0 * p1) / 3.0
-        boundary_loss = h * (b0 + 5.0 * b1) / 6.0
+        loss = h * (p0 + 2.0 * power) / 3.0
+        boundary_loss = h * (b0 + 5.0 * boundary_power) / 6.0
         if ti.static(self.implicit):
-            boundary_loss = 0.5 * h * (b0 + b1)
+            boundary_loss = 0.5 * h * (b0 + boundary_power)
             # For solved velocities, c = -1/6 is right only if h times the fastest rate
             # is small. In flight the first sum is exact for linear springs at any rate.
             # In contact it would drift as h^2, so the second one is taken there.
-            loss = 0.25 * h * (sums[LEAVING] + p1 + late)
+            loss = 0.25 * h * (sums[LEAVING] + power + late)
             if sums[PEAK_POINT_FORCE] >= self.state.contact[None]:
-                loss = h * (2.0 / 3.0 * (p0 + p1) - 1.0 / 3.0 * cross)
+                loss = h * (2.0 / 3.0 * (p0 + power) - 1.0 / 3.0 * cross)
             loss -= boundary_loss
-            result[LEAVING] = ti.select(number > 0, 3.0 * p1 - late, p1 + late)
+            result[LEAVING] = ti.select(number > 0, 3.0 * power - late, power + late)
         result[DISSIPATED] += loss + sums[INITIAL_LOSS]
         result[INITIAL_LOSS] = 0.0
-        result[POWER] = p1
+        result[POWER] = power
         result[ABSORBED] += boundary_loss
-        result[BOUNDARY_POWER] = b1
+        result[BOUNDARY_POWER] = boundary_power
         if ti.static(self.reset):
             result = self.reset_boundary(number, sums, result)
         elif ti.static(self.implicit):
