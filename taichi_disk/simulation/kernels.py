@@ -14,10 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_disk.engine import ti
-from taichi_disk.integrators import Integrator
-from taichi_disk.integrators.trapezoidal import DashpotSolver
 from taichi_disk.lattice import Array
-from taichi_disk.physics import Model
 from taichi_disk.physics.law import Integers1, Reals2, get, side_by_side
 from taichi_disk.simulation.observables import INDEX, within
 from taichi_disk.simulation.stepping import (
@@ -29,7 +26,6 @@ from taichi_disk.simulation.stepping import (
     PRODUCTS,
     SLIDING,
     UPWARD,
-    PointFields,
     Stepping,
 )
 
@@ -66,7 +62,7 @@ class Kernels(Stepping):
         """
         ti.loop_config(serialize=True)
         for _ in range(1):
-            sums = ti.Vector([self.state.sums[k] for k in range(self.state.summed)])
+            sums = self.state.stored_sums()
             made = 0
             row = 0
             needed = counts[0]
@@ -125,7 +121,7 @@ class Kernels(Stepping):
                 mass += m
                 moment += m * x
                 momentum += m * v
-                spin += m * (x[0] * v[1] - x[1] * v[0])
+                spin += m * x.cross(v)
                 lowest = ti.min(lowest, x[1])
                 residual2 = ti.max(residual2, f.dot(f))
                 if ti.static(self.rigid):
@@ -137,7 +133,7 @@ class Kernels(Stepping):
                 for law in ti.static(self.loads):
                     load += law.potential_at(self.state, i)
             kinetic2 += m * v.dot(v)
-        orbital = (moment[0] * momentum[1] - moment[1] * momentum[0]) / mass
+        orbital = moment.cross(momentum) / mass
         rows[s, INDEX["com_x"]] = moment[0] / mass
         rows[s, INDEX["com_y"]] = moment[1] / mass
         rows[s, INDEX["com_vx"]] = momentum[0] / mass
@@ -175,18 +171,10 @@ class Kernels(Stepping):
 class SubdomainKernels(Kernels):
     """Moves the points of a large lattice on several cores."""
 
-    def __init__(
-        self,
-        state: PointFields,
-        model: Model,
-        integrator: Integrator,
-        solver: DashpotSolver | None,
-        builder: Any,
-        count: int,
-    ) -> None:
-        super().__init__(state, model, integrator, solver)
+    def __init__(self, builder: Any, count: int, *parts: Any) -> None:
+        super().__init__(*parts)
         self.count = count
-        self.steps_per_launch = max(1, FORCES_PER_LAUNCH // integrator.forces)
+        self.steps_per_launch = max(1, FORCES_PER_LAUNCH // self.integrator.forces)
         # of each subdomain
         self.peak, self.elastic, self.products = side_by_side(builder, count, 3)
 
@@ -232,7 +220,7 @@ class SubdomainKernels(Kernels):
     def join(self, stage: ti.template(), number):
         """Add the springs across the seams, the sums and the contact; after the last
         stage, end the step."""
-        sums = ti.Vector([self.state.sums[k] for k in range(self.state.summed)])
+        sums = self.state.stored_sums()
         seams = self.state.subdomain_ends[self.count - 1]
         sums[ELASTIC], sums[PRODUCTS] = self.springs.add(
             self.state, self.explicit, seams, self.state.blocks[None]
@@ -274,5 +262,4 @@ class SubdomainKernels(Kernels):
     def fill_row(self, rows: Reals2, s: ti.i32):
         ti.loop_config(serialize=True)
         for _ in range(1):
-            sums = ti.Vector([self.state.sums[k] for k in range(self.state.summed)])
-            self.observe(rows, s, sums)
+            self.observe(rows, s, self.state.stored_sums())

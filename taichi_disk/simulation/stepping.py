@@ -198,6 +198,10 @@ class PointFields:
                     at += ti.static(len(self.fields[k]))
                     i += 1
 
+    @ti.func
+    def stored_sums(self):
+        return ti.Vector([self.sums[k] for k in range(self.summed)])
+
     def export(self, n: int, step: int) -> Snapshot:
         vectors = np.zeros((len(self.vectors), n, 2))
         sums = np.zeros(self.summed)
@@ -346,19 +350,16 @@ class Stepping:
         and `u`) and subtracts the last kick of a preceding step.
         """
         h = self.elapsed(number, self.state.h[None])
-        if ti.static(self.integrator.forces == 1):
-            sums = self.stage(h, h, 0.0, sums)
-        else:
-            last = ti.static(self.integrator.forces - 1)
-            # This is a loop, because four inlined stages compile slowly.
-            for k in range(ti.select(number > 0, 0, last), last + 1):
-                kick = 0.0
-                move = 0.0
-                shift = 0.0
-                for s in ti.static(range(self.integrator.forces)):
-                    if k == s:
-                        kick, move, shift = self.integrator.stages[s]
-                sums = self.stage(kick * h, move * h, shift * h * h, sums)
+        last = ti.static(self.integrator.forces - 1)
+        # This is a loop, because four inlined stages compile slowly.
+        for k in range(ti.select(number > 0, 0, last), last + 1):
+            kick = 0.0
+            move = 0.0
+            shift = 0.0
+            for s in ti.static(range(self.integrator.forces)):
+                if k == s:
+                    kick, move, shift = self.integrator.stages[s]
+            sums = self.stage(kick * h, move * h, shift * h * h, sums)
         return self.account(number, sums)
 
     @ti.func
