@@ -39,7 +39,6 @@ class ExponentialWall(Wall, BodyForce):
     # no result
     V0: float
     friction: float = 0.0  # Coulomb friction coefficient mu; 0: none
-    scalars = ("a", "V0", "reach", "friction")
     switches = ("has_friction",)
 
     def __post_init__(self) -> None:
@@ -50,6 +49,12 @@ class ExponentialWall(Wall, BodyForce):
         """Height beyond which the force is negligible, so that no exponential is
         computed [R]."""
         return max(0.0, self.height_of_force(NEGLIGIBLE_FORCE))
+
+    @property
+    def scalars(self) -> tuple[str, ...]:
+        if self.has_friction:
+            return "a", "V0", "reach", "friction"
+        return "a", "V0", "reach"
 
     @ti.func
     def at(self, state: ti.template(), i):

@@ -62,17 +62,16 @@ class Kernels(Stepping):
         """
         ti.loop_config(serialize=True)
         for _ in range(1):
-            sums = self.state.stored_sums()
             made = 0
             row = 0
             needed = counts[0]
             settled = counts[1]
             while made < steps and settled < needed:
                 made += 1
-                sums = self.step(first + made, sums)
+                self.step(first + made)
                 due = (first + made) % stride == 0
                 if due or made == steps:
-                    self.observe(rows, row, sums)
+                    self.observe(rows, row)
                 if due:
                     inside = 1
                     for k in ti.static(range(len(INDEX))):
@@ -83,8 +82,6 @@ class Kernels(Stepping):
             counts[1] = settled
             counts[2] = made
             counts[3] = row
-            for k in ti.static(range(self.state.summed)):
-                self.state.sums[k] = sums[k]
 
     @ti.kernel
     def set_mouse_target(self, point: ti.i32, x: ti.f64, y: ti.f64) -> ti.f64:
@@ -98,7 +95,8 @@ class Kernels(Stepping):
         return energy
 
     @ti.func
-    def observe(self, rows: ti.template(), s, sums):
+    def observe(self, rows: ti.template(), s):
+        sums = ti.static(self.state.sums)
         mass = 0.0
         moment = ti.Vector([0.0, 0.0])
         momentum = ti.Vector([0.0, 0.0])
@@ -152,8 +150,7 @@ class Kernels(Stepping):
         if ti.static(self.contact):
             rows[s, INDEX["depth"]] = self.wall.depth(self.state)
         rows[s, INDEX["inverted"]] = self.inverted()
-        if ti.static(self.has_friction):
-            rows[s, INDEX["friction"]] = sums[FRICTION]
+        rows[s, INDEX["friction"]] = sums[FRICTION]
 
     @ti.func
     def inverted(self):
@@ -220,7 +217,7 @@ class SubdomainKernels(Kernels):
     def join(self, stage: ti.template(), number):
         """Add the springs across the seams, the sums and the contact; after the last
         stage, end the step."""
-        sums = self.state.stored_sums()
+        sums = ti.static(self.state.sums)
         seams = self.state.subdomain_ends[self.count - 1]
         sums[ELASTIC], sums[PRODUCTS] = self.springs.add(
             self.state, self.explicit, seams, self.state.blocks[None]
@@ -233,11 +230,9 @@ class SubdomainKernels(Kernels):
         move = ti.static(self.integrator.stages[stage][1]) * self.elapsed(
             number, self.state.h[None]
         )
-        sums = self.add_contact(move, sums, peak_point_force)
+        self.add_contact(move, peak_point_force)
         if ti.static(stage == self.integrator.forces - 1):
-            sums = self.account(number, sums)
-        for k in ti.static(range(self.state.summed)):
-            self.state.sums[k] = sums[k]
+            self.account(number)
 
     @ti.kernel
     def advance_few(self, number: ti.i32, steps: ti.i32):
@@ -262,4 +257,4 @@ class SubdomainKernels(Kernels):
     def fill_row(self, rows: Reals2, s: ti.i32):
         ti.loop_config(serialize=True)
         for _ in range(1):
-            self.observe(rows, s, self.state.stored_sums())
+            self.observe(rows, s)
