@@ -26,7 +26,7 @@ def process() -> None:
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:  # a closed stream is None
             stream.reconfigure(errors="replace")  # type: ignore[union-attr]  # a CP1252 console cannot show η
-    leave(main())
+    leave(main(sys.argv[1:]))
 
 
 if __name__ == "__main__":

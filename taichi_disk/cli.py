@@ -31,7 +31,7 @@ DEFAULT_SCENE = "exponential_wall"  # of `view`
 _TRAJECTORIES = ("xyz", "vtu", "npz")
 
 
-def main(argv: Sequence[str] | None = None) -> int:
+def main(argv: Sequence[str]) -> int:
     """Carry out one command and return its exit status: 0 done, 1 failed, 2 bad input,
     130 interrupted.
 
@@ -40,18 +40,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     # Library warnings are meant for developers, and with PYTHONWARNINGS=error they
     # would end a run.
     warnings.simplefilter("ignore")
-    if argv is None:
-        argv = sys.argv[1:]
-    given = list(argv)
     NOTICES.handlers = [_Notes()]
     NOTICES.setLevel(logging.INFO)
     try:
         _check_environment()
         parser = _parser()
-        if not given:
+        if not argv:
             parser.print_help()
             return 0
-        arguments = parser.parse_args(given)
+        arguments = parser.parse_args(argv)
         raise_if_interrupted()
         status = arguments.command(arguments) or 0
         if sys.stdout is not None:  # it may be closed
@@ -62,7 +59,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return error.exit_status
     except KeyboardInterrupt:
         text = "interrupted"
-        if given[:1] == ["sweep"]:
+        if "sweep" in argv[:1]:
             text += "; finished scenes are kept: repeat the command to go on"
         _print_error(text)
         return INTERRUPTED

@@ -144,26 +144,23 @@ class _Bars(Silence):
 
     def __call__(self, stage: str, done: float, total: float | None) -> None:
         with suppress(OSError):  # the terminal has gone
-            self._show(stage, done, total)
+            bars = self.progress
+            bars.start()
+            if not bars.tasks or bars.tasks[-1].description != stage:
+                # A stage may end before its total, as an impact ends before its time
+                # limit. Its bar is then completed.
+                for task in bars.tasks:
+                    bars.update(task.id, completed=1.0, total=1.0)
+                # The time of a simulation is a float; equilibria, lattices, scenes and
+                # pictures are counted.
+                note = ""
+                if stage == "simulate" and isinstance(total, float):
+                    note = "to the time limit"
+                bars.add_task(stage, total=total, note=note)
+            bars.update(bars.task_ids[-1], completed=done, total=total)
 
     def rest(self) -> None:
         with suppress(OSError):
             self.progress.stop()
         # the old bars would remove the lines above them, which are others now
         self._begin()
-
-    def _show(self, stage: str, done: float, total: float | None) -> None:
-        bars = self.progress
-        bars.start()
-        if not bars.tasks or bars.tasks[-1].description != stage:
-            # A stage may end before its total, as an impact ends before its time limit.
-            # Its bar is then completed.
-            for task in bars.tasks:
-                bars.update(task.id, completed=1.0, total=1.0)
-            # The time of a simulation is a float; equilibria, lattices, scenes and
-            # pictures are counted.
-            note = ""
-            if stage == "simulate" and isinstance(total, float):
-                note = "to the time limit"
-            bars.add_task(stage, total=total, note=note)
-        bars.update(bars.task_ids[-1], completed=done, total=total)

@@ -164,12 +164,6 @@ class IterativeSolver(DashpotSolver):
         put(self.product, i, self.scaled(self.inertia, i, direction))
 
     @ti.func
-    def scaled(self, diagonal: ti.template(), i, vector):
-        """Return row i of a `diagonal` (n, 1 or 2) times `vector`."""
-        y = ti.static(self.components - 1)
-        return ti.Vector([diagonal[0][i] * vector[0], diagonal[y][i] * vector[1]])
-
-    @ti.func
     def multiply(self, state: ti.template(), half, n):
         """Add the springs to the product of matrix and direction, and return direction
         times product."""

@@ -121,8 +121,6 @@ class DashpotSolver:
         `age`: number of steps since velocities jumped. Iterative solvers begin with the
             velocities of those steps.
         """
-        # x and y have one factor L D L^T in common, or a factor each.
-        y = ti.static(self.components - 1)
         free = self.free[0]
         half = state.closing[None]
         for k in range(free):
@@ -132,18 +130,20 @@ class DashpotSolver:
             zk = get(self.z, k)
             for e in range(self.column[k], self.column[k + 1]):
                 i = self.row[e]
-                self.z[0][i] -= self.values[0][e] * zk[0]
-                self.z[1][i] -= self.values[y][e] * zk[1]
+                put(self.z, i, get(self.z, i) - self.scaled(self.values, e, zk))
         for back in range(free):
             k = free - 1 - back
-            zk = get(self.z, k)
-            zk[0] *= self.inverse_diagonal[0][k]
-            zk[1] *= self.inverse_diagonal[y][k]
+            zk = self.scaled(self.inverse_diagonal, k, get(self.z, k))
             for e in range(self.column[k], self.column[k + 1]):
-                other = get(self.z, self.row[e])
-                zk[0] -= self.values[0][e] * other[0]
-                zk[1] -= self.values[y][e] * other[1]
+                zk = zk - self.scaled(self.values, e, get(self.z, self.row[e]))
             put(self.z, k, zk)
+
+    @ti.func
+    def scaled(self, matrix: ti.template(), i, vector):
+        """Return `vector` times the i-th entry of a `matrix`, which x and y have in
+        common or which has a column for each."""
+        y = ti.static(self.components - 1)
+        return ti.Vector([matrix[0][i] * vector[0], matrix[y][i] * vector[1]])
 
     @ti.func
     def solve_velocities(self, state: ti.template(), age):

@@ -99,7 +99,7 @@ class MatchedBoundary(Boundary):
         power = 0.0
         for k in range(self.count[0]):
             u = get(state.u, self.point[k])
-            power += self.Z[0][k] * u[0] * u[0] + self.Z[1][k] * u[1] * u[1]
+            power += (get(self.Z, k) * u).dot(u)
         return power
 
 
@@ -148,7 +148,7 @@ class ResetBoundary(Boundary):
                 put(state.u, i, v)
             else:
                 put(state.v, i, -1.0 * kick)
-            energy += 0.5 * state.mass[i] * (v[0] * v[0] + v[1] * v[1])
+            energy += 0.5 * state.mass[i] * v.dot(v)
         if ti.static(implicit):
             solver.restart(state)
         elif ti.static(springs.damped):
@@ -191,7 +191,7 @@ class ResetBoundary(Boundary):
             kick = 0.5 * state.h[None] * state.inverse_mass[i] * get(state.f, i)
             if ti.static(solved):
                 kick = get(state.u, i) - get(state.v, i)
-            energy += 0.5 * state.mass[i] * (kick[0] * kick[0] + kick[1] * kick[1])
+            energy += 0.5 * state.mass[i] * kick.dot(kick)
         return energy
 
     @ti.func
@@ -208,7 +208,7 @@ class ResetBoundary(Boundary):
                 a_i = state.inverse_mass[i] * get(state.f, i)
                 a_j = state.inverse_mass[j] * get(state.f, j)
                 w = get(state.v, i) - get(state.v, j) + h * (a_i - a_j)
-                power += springs.eta_now[None] * (u[0] * w[0] + u[1] * w[1])
+                power += springs.eta_now[None] * u.dot(w)
         return power
 
 

@@ -92,10 +92,8 @@ class ElasticWall(Wall):
         peak_point_force = 0.0
         sliding = 0.0
         last = self.count[1] - 1
-        top = y[self.wall_surface[0]]
+        top = self.top(state)
         left = x[self.wall_surface[0]]
-        for k in range(1, self.count[1]):
-            top = ti.max(top, y[self.wall_surface[k]])
         pitch = (x[self.wall_surface[last]] - left) / last
         for n in range(self.count[0]):
             i = self.disk_surface[n]
@@ -146,9 +144,7 @@ class ElasticWall(Wall):
         0 if none is there. The contact itself looks only for the spring below a point.
         """
         x, y = ti.static(state.x[0], state.x[1])
-        top = y[self.wall_surface[0]]
-        for k in range(1, self.count[1]):
-            top = ti.max(top, y[self.wall_surface[k]])
+        top = self.top(state)
         deepest = 0.0
         for i in range(state.n_disk[None]):
             if y[i] < top:
@@ -168,6 +164,15 @@ class ElasticWall(Wall):
                 if crossings % 2 == 1:
                     deepest = ti.max(deepest, nearest)
         return deepest
+
+    @ti.func
+    def top(self, state: ti.template()):
+        """Return the height of the highest point of the wall's surface [R]."""
+        y = ti.static(state.x[1])
+        top = y[self.wall_surface[0]]
+        for k in range(1, self.count[1]):
+            top = ti.max(top, y[self.wall_surface[k]])
+        return top
 
     @ti.func
     def sliding_loss(self, state: ti.template(), i, k, move):

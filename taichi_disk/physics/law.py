@@ -96,7 +96,7 @@ class Law:
     compilation.
     """
 
-    velocity_dependent: bool = False  # whether the force depends on velocity
+    velocity_dependent = False  # whether the force depends on velocity
     # attributes that tell which parts of the law are absent; each needs a compilation
     switches: tuple[str, ...] = ()
 
@@ -159,24 +159,18 @@ class Wall(ExponentialPotential, Law):
     """A law by which the disk is reflected. Its energy is the column `wall`."""
 
     # whether the wall is a lattice, whose points follow those of the disk
-    is_elastic: bool = False
+    is_elastic = False
     # whether a Taichi function `add_friction` makes the wall resist sliding
-    has_friction: bool = False
+    has_friction = False
     # whether the force jumps when a point passes to the next spring of the wall
-    has_jumps: bool = False
+    has_jumps = False
     # how far the surface is below the straight lines between its points [R]
-    corner_depth: float = 0.0
+    corner_depth = 0.0
 
-    def contact_forces(
-        self, lattice: Lattice, x: Array, *moving: Any
-    ) -> tuple[NDArray[np.intp], Array]:
-        """Return the points (k,) of the disk near the wall, and the forces (k, 2) of
-        the wall on them [M c^2/R].
-
-        `moving`: the velocities (n, 2) [c] and the springs, on which friction depends.
-        """
-        raise NotImplementedError
-
+    # (lattice, x, *moving) -> the points (k,) of the disk near the wall, and the forces
+    # (k, 2) of the wall on them [M c^2/R]. `moving`: the velocities (n, 2) [c] and the
+    # springs, on which friction depends.
+    contact_forces: Callable[..., tuple[NDArray[np.intp], Array]]
     # (lattice, x, v, others) -> friction along the wall, of a wall that has friction
     friction_on: Callable[..., Array]
 

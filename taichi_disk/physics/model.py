@@ -47,7 +47,7 @@ class Model:
 
     @property
     def has_friction(self) -> bool:
-        return self.wall is not None and self.wall.has_friction
+        return (self.wall or Wall).has_friction
 
     @property
     def solvable(self) -> bool:
@@ -61,26 +61,22 @@ class Model:
 
     @property
     def has_jumps(self) -> bool:
-        return self.wall is not None and self.wall.has_jumps
+        return (self.wall or Wall).has_jumps
 
     @property
     def reset_interval(self) -> float:
         """Time between two resets of the boundary [R/c]; 0: no resets."""
-        if self.boundary is None:
-            return 0.0
-        return self.boundary.interval
+        return (self.boundary or Boundary).interval
 
     @property
     def is_pinned(self) -> bool:
-        return self.boundary is not None and self.boundary.is_pinned
+        return (self.boundary or Boundary).is_pinned
 
     @property
     def impedance(self) -> Array | None:
         """Dashpot constants (k, 2) of the points of a matched boundary [M c/R]; None if
         there is no such boundary."""
-        if self.boundary is None:
-            return None
-        return self.boundary.impedance
+        return (self.boundary or Boundary).impedance
 
     def signature(self) -> tuple[Any, ...]:
         return tuple(law.signature for law in self.laws)
@@ -100,7 +96,7 @@ class Model:
         pinned points."""
         damping = sum(law.damping_forces(lattice, x, v) for law in self.laws)
         force = self.forces(lattice, x) + damping
-        if self.wall and self.wall.has_friction:
+        if self.wall and self.has_friction:
             force[:, 0] += self.wall.friction_on(lattice, x, v, force)
         if self.is_pinned:
             force[lattice.wall_boundary] = 0.0

@@ -52,7 +52,9 @@ class Pool(ThreadPoolExecutor):
     ) -> Future[Any]:
         call = partial(function, *args, **kwargs)
         if not self._processes:
-            return _carried_out(call)
+            future: Future[Any] = Future()
+            _fulfil(future, call)
+            return future
         return super().submit(self._carry_out, pickle.dumps(call))
 
     def _carry_out(self, request: bytes) -> Any:
@@ -89,12 +91,6 @@ class Pool(ThreadPoolExecutor):
             self.shutdown()
         else:
             self.kill()
-
-
-def _carried_out(call: Callable[[], Any]) -> Future[Any]:
-    future: Future[Any] = Future()
-    _fulfil(future, call)
-    return future
 
 
 def _fulfil(future: Future[Any], call: Callable[[], Any]) -> None:

@@ -14,18 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_disk.engine import ti
-from taichi_disk.integrators import Integrator
-from taichi_disk.integrators.trapezoidal import DashpotSolver
 from taichi_disk.lattice import Array
-from taichi_disk.physics import Model
-from taichi_disk.physics.law import Integers1, Reals2, array, get, side_by_side
+from taichi_disk.physics.law import Integers1, Reals2, get, side_by_side
 from taichi_disk.simulation.observables import INDEX, within
 from taichi_disk.simulation.stepping import (
     ABSORBED,
     DISSIPATED,
+    ELASTIC,
     FRICTION,
+    POTENTIAL,
+    PRODUCTS,
     SLIDING,
-    PointFields,
+    UPWARD,
     Stepping,
 )
 
@@ -62,20 +62,16 @@ class Kernels(Stepping):
         """
         ti.loop_config(serialize=True)
         for _ in range(1):
-            sums = ti.Vector([self.state.sums[k] for k in range(self.state.summed)])
             made = 0
             row = 0
             needed = counts[0]
             settled = counts[1]
             while made < steps and settled < needed:
                 made += 1
-                elastic = 0.0
-                upward = 0.0
-                potential = 0.0
-                sums, elastic, upward, potential = self.step(first + made, sums)
+                self.step(first + made)
                 due = (first + made) % stride == 0
                 if due or made == steps:
-                    self.observe(rows, row, sums, elastic, upward, potential)
+                    self.observe(rows, row)
                 if due:
                     inside = 1
                     for k in ti.static(range(len(INDEX))):
@@ -86,8 +82,6 @@ class Kernels(Stepping):
             counts[1] = settled
             counts[2] = made
             counts[3] = row
-            for k in ti.static(range(self.state.summed)):
-                self.state.sums[k] = sums[k]
 
     @ti.kernel
     def set_mouse_target(self, point: ti.i32, x: ti.f64, y: ti.f64) -> ti.f64:
@@ -101,15 +95,16 @@ class Kernels(Stepping):
         return energy
 
     @ti.func
-    def observe(self, rows: ti.template(), s, sums, elastic, upward, potential):
+    def observe(self, rows: ti.template(), s):
+        sums = ti.static(self.state.sums)
         mass = 0.0
         moment = ti.Vector([0.0, 0.0])
         momentum = ti.Vector([0.0, 0.0])
         spin = 0.0
         kinetic2 = 0.0
         residual2 = 0.0
-        force = upward
-        energy = potential
+        force = sums[UPWARD]
+        energy = sums[POTENTIAL]
         load = 0.0
         lowest = self.state.x[1][0]
         for i in range(self.state.n[None]):
@@ -124,7 +119,7 @@ class Kernels(Stepping):
                 mass += m
                 moment += m * x
                 momentum += m * v
-                spin += m * (x[0] * v[1] - x[1] * v[0])
+                spin += m * x.cross(v)
                 lowest = ti.min(lowest, x[1])
                 residual2 = ti.max(residual2, f.dot(f))
                 if ti.static(self.rigid):
@@ -136,7 +131,7 @@ class Kernels(Stepping):
                 for law in ti.static(self.loads):
                     load += law.potential_at(self.state, i)
             kinetic2 += m * v.dot(v)
-        orbital = (moment[0] * momentum[1] - moment[1] * momentum[0]) / mass
+        orbital = moment.cross(momentum) / mass
         rows[s, INDEX["com_x"]] = moment[0] / mass
         rows[s, INDEX["com_y"]] = moment[1] / mass
         rows[s, INDEX["com_vx"]] = momentum[0] / mass
@@ -145,20 +140,17 @@ class Kernels(Stepping):
         rows[s, INDEX["lowest_y"]] = lowest
         rows[s, INDEX["wall_force"]] = force
         rows[s, INDEX["kinetic"]] = 0.5 * kinetic2
-        rows[s, INDEX["elastic"]] = elastic
+        rows[s, INDEX["elastic"]] = sums[ELASTIC]
         rows[s, INDEX["wall"]] = energy
         rows[s, INDEX["dissipated"]] = sums[DISSIPATED]
         rows[s, INDEX["absorbed"]] = sums[ABSORBED]
         rows[s, INDEX["load"]] = load
         rows[s, INDEX["sliding"]] = sums[SLIDING]
         rows[s, INDEX["residual"]] = ti.sqrt(residual2)
-        rows[s, INDEX["depth"]] = 0.0
         if ti.static(self.contact):
             rows[s, INDEX["depth"]] = self.wall.depth(self.state)
         rows[s, INDEX["inverted"]] = self.inverted()
-        rows[s, INDEX["friction"]] = 0.0
-        if ti.static(self.has_friction):
-            rows[s, INDEX["friction"]] = sums[FRICTION]
+        rows[s, INDEX["friction"]] = sums[FRICTION]
 
     @ti.func
     def inverted(self):
@@ -176,22 +168,12 @@ class Kernels(Stepping):
 class SubdomainKernels(Kernels):
     """Moves the points of a large lattice on several cores."""
 
-    def __init__(
-        self,
-        state: PointFields,
-        model: Model,
-        integrator: Integrator,
-        solver: DashpotSolver | None,
-        builder: Any,
-        count: int,
-    ) -> None:
-        super().__init__(state, model, integrator, solver)
+    def __init__(self, builder: Any, count: int, *parts: Any) -> None:
+        super().__init__(*parts)
         self.count = count
-        self.steps_per_launch = max(1, FORCES_PER_LAUNCH // integrator.forces)
-        # largest wall force on a point, elastic energy, products
-        self.parts = side_by_side(builder, count, 3)
-        # elastic energy, contact force, contact potential
-        self.latest = array(builder, 3, ti.f64)
+        self.steps_per_launch = max(1, FORCES_PER_LAUNCH // self.integrator.forces)
+        # of each subdomain
+        self.peak, self.elastic, self.products = side_by_side(builder, count, 3)
 
     def advance(
         self,
@@ -226,39 +208,31 @@ class SubdomainKernels(Kernels):
         last = ti.min(first + self.state.subdomain_points[None], self.state.n[None])
         kick, move, shift = ti.static(*self.integrator.stages[stage])
         h = self.elapsed(number, self.state.h[None])
-        peak_point_force = self.drift(kick * h, move * h, shift * h * h, first, last)
-        elastic, products = self.springs.add(
+        self.peak[c] = self.drift(kick * h, move * h, shift * h * h, first, last)
+        self.elastic[c], self.products[c] = self.springs.add(
             self.state, self.explicit, begin, self.state.subdomain_ends[c]
         )
-        self.parts[0][c] = peak_point_force
-        self.parts[1][c] = elastic
-        self.parts[2][c] = products
 
     @ti.func
     def join(self, stage: ti.template(), number):
         """Add the springs across the seams, the sums and the contact; after the last
         stage, end the step."""
-        sums = ti.Vector([self.state.sums[k] for k in range(self.state.summed)])
+        sums = ti.static(self.state.sums)
         seams = self.state.subdomain_ends[self.count - 1]
-        elastic, products = self.springs.add(
+        sums[ELASTIC], sums[PRODUCTS] = self.springs.add(
             self.state, self.explicit, seams, self.state.blocks[None]
         )
         peak_point_force = 0.0
         for c in range(self.count):
-            peak_point_force = ti.max(peak_point_force, self.parts[0][c])
-            elastic += self.parts[1][c]
-            products += self.parts[2][c]
+            peak_point_force = ti.max(peak_point_force, self.peak[c])
+            sums[ELASTIC] += self.elastic[c]
+            sums[PRODUCTS] += self.products[c]
         move = ti.static(self.integrator.stages[stage][1]) * self.elapsed(
             number, self.state.h[None]
         )
-        sums, upward, potential = self.add_contact(move, sums, peak_point_force)
+        self.add_contact(move, peak_point_force)
         if ti.static(stage == self.integrator.forces - 1):
-            sums = self.account(number, sums, products)
-        for k in ti.static(range(self.state.summed)):
-            self.state.sums[k] = sums[k]
-        self.latest[0] = elastic
-        self.latest[1] = upward
-        self.latest[2] = potential
+            self.account(number)
 
     @ti.kernel
     def advance_few(self, number: ti.i32, steps: ti.i32):
@@ -283,5 +257,4 @@ class SubdomainKernels(Kernels):
     def fill_row(self, rows: Reals2, s: ti.i32):
         ti.loop_config(serialize=True)
         for _ in range(1):
-            sums = ti.Vector([self.state.sums[k] for k in range(self.state.summed)])
-            self.observe(rows, s, sums, self.latest[0], self.latest[1], self.latest[2])
+            self.observe(rows, s)

@@ -102,7 +102,7 @@ class Program:
         parts = self.state, self.model, self.integrator, solver
         self.kernels: Kernels
         if self.subdomains > 1:
-            self.kernels = SubdomainKernels(*parts, builder, self.subdomains)
+            self.kernels = SubdomainKernels(builder, self.subdomains, *parts)
         else:
             self.kernels = Kernels(*parts)
 
@@ -136,14 +136,8 @@ class Program:
 
     def vacate(self) -> None:
         if self.occupant:
-            self.occupant.save()
+            self.occupant.saved = self.occupant.snapshot()
         self.occupant = None
-
-    def snapshot(self) -> Snapshot:
-        """Return a copy of the occupant's state."""
-        assert self.occupant is not None
-        n = len(self.occupant.lattice.positions)
-        return owner.call(self.state.export, n, self.occupant.step_number)
 
     def _begin(self, simulation: Simulation) -> Written:
         """Write the state at t = 0."""
@@ -234,7 +228,7 @@ class Simulation:
         self.integrator = integrator
         self.start_velocities = velocities
         self.dt = dt
-        self.step_number = 0
+        self.step_number = -1  # its end is t = 0
         self.saved: Snapshot | None = None
         self.contents: Any = None
         self.mouse_target: tuple[int, float, float] | None = None
@@ -242,17 +236,14 @@ class Simulation:
         self.arrangement = self.cache.arrangement(lattice)
         self.factor = self._factor()
         self.program = self.cache.program(self)
-        rows = np.empty((1, len(INDEX)))
-        counts = np.array([NEVER, 0, 0, 0], np.int32)
-        limits = rows, bounds_array({}), counts
-        owner.call(self.program.kernels.advance, -1, 1, 1, *limits)
-        self.first_row = self.now = rows[0]
+        self.advance(steps=1)
+        self.first_row = self.now
 
     def _factor(self) -> Dashpots:
         model = self.model
         if not (model.springs.damped and self.integrator.dashpots == "implicit"):
             return None
-        if iterates(self.lattice, model, self.integrator):
+        if len(self.lattice.positions) > LARGEST_FACTORISED:
             return diagonal(self.lattice, model, self.dt)
         return factorise(self.lattice, model, self.dt)
 
@@ -301,7 +292,7 @@ class Simulation:
         kernels = self._in_fields().kernels
         steps_since_row = self.step_number % stride
         max_rows = (steps_since_row + steps) // stride + 1
-        rows = np.empty((max_rows, self.now.size))
+        rows = np.zeros((max_rows, len(INDEX)))
         if bounds is None:
             bounds = bounds_array({})
         counts = np.array([needed, settled, 0, 0], np.int32)
@@ -324,13 +315,10 @@ class Simulation:
 
     # ---- states
 
-    def save(self) -> None:
-        """Keep the state, because another simulation gets the fields."""
-        self.saved = self.program.snapshot()
-
     def snapshot(self) -> Snapshot:
         """Return a copy of the state, from which `restore` continues bitwise."""
-        return self._in_fields().snapshot()
+        n = len(self.lattice.positions)
+        return owner.call(self._in_fields().state.export, n, self.step_number)
 
     def restore(self, snapshot: Snapshot) -> None:
         owner.call(self._in_fields().state.restore, snapshot)
@@ -400,8 +388,13 @@ class KernelCache:
     def program(self, simulation: Simulation) -> Program:
         """Return a program with `simulation` in its fields, compiled only if
         necessary."""
-        body = simulation.lattice, simulation.model, simulation.integrator
-        key = (compiled_for(*body), simulation.integrator.name, simulation.subdomains)
+        key = (
+            simulation.model.signature(),
+            simulation.integrator.name,
+            type(simulation.factor),
+            simulation.lattice.stiffness is None,
+            simulation.subdomains,
+        )
         known = self._known.get(key)
         if known is not None and known.fits(simulation):
             known.switch_to(simulation)
@@ -424,23 +417,6 @@ def shared_kernels() -> KernelCache:
     """Return the cache of compiled simulations. A process has one, because it has one
     Taichi."""
     return _kernels_of(engine.program())
-
-
-def compiled_for(
-    lattice: Lattice, model: Model, integrator: Integrator
-) -> tuple[Any, ...]:
-    return (
-        model.signature(),
-        lattice.stiffness is None,
-        iterates(lattice, model, integrator),
-    )
-
-
-def iterates(lattice: Lattice, model: Model, integrator: Integrator) -> bool:
-    """Whether conjugate gradients solve for implicit dashpots, because the lattice is
-    too large for a factor."""
-    is_large = len(lattice.positions) > LARGEST_FACTORISED
-    return is_large and model.springs.damped and integrator.dashpots == "implicit"
 
 
 def _contact_force(lattice: Lattice, model: Model, v: Array) -> float:

@@ -34,11 +34,10 @@ from taichi_disk.physics.law import (
 )
 from taichi_disk.physics.ordering import Arrangement
 
-# Accumulators of a run. A kernel keeps them in a local vector and stores them at its
-# end. In a 0-D field they would be
-# late by one launch: Taichi 1.7.4 keeps such fields in registers across loops, so later
-# loops read the old value.
-SUMS = 8
+# Accumulators of a run, and sums of its last step. They are in a 1-D field: Taichi
+# 1.7.4 keeps a 0-D field in a register across loops, so later loops would read the old
+# value.
+SUMS = 14
 (
     DISSIPATED,
     POWER,
@@ -48,8 +47,15 @@ SUMS = 8
     SLIDING,
     LEAVING,
     INITIAL_LOSS,
+    FRICTION,
+    FRICTION_POWER,
+    # of the last step: elastic energy and products (see `Springs.add`), upward force
+    # and potential of the contact with an elastic wall
+    ELASTIC,
+    PRODUCTS,
+    UPWARD,
+    POTENTIAL,
 ) = range(SUMS)
-FRICTION, FRICTION_POWER = range(SUMS, SUMS + 2)  # present only with friction
 
 
 @dataclass(frozen=True)
@@ -62,7 +68,7 @@ class Snapshot:
     # those of earlier steps; with a correction the observed velocities before their
     # last kick and the positions X.
     vectors: Array
-    sums: Array  # (SUMS,) accumulators; (SUMS + 2,) with friction
+    sums: Array  # (SUMS,)
 
     def velocities(self, integrator: Integrator, dt: float, lattice: Lattice) -> Array:
         """Return the velocities (n, 2) at the step, after its last kick [c]."""
@@ -131,8 +137,7 @@ class PointFields:
             self.reset_steps,
         ) = (scalar(builder, ti.i32) for _ in range(6))
         self.subdomain_ends = array(builder, subdomains)
-        self.summed = SUMS + 2 * model.has_friction
-        self.sums = array(builder, self.summed, ti.f64)
+        self.sums = array(builder, SUMS, ti.f64)
 
     # ---- write and read the fields
 
@@ -149,7 +154,7 @@ class PointFields:
         return [
             ((self.mass, self.inverse_mass), np.stack([masses, 1.0 / masses], axis=1)),
             (tuple(chain.from_iterable(self.vectors)), vectors),
-            ((self.sums,), np.zeros(self.summed)),
+            ((self.sums,), np.zeros(SUMS)),
             ((self.subdomain_ends,), arrangement.subdomain_ends),
             (self.corners, lattice.triangles),
         ]
@@ -194,7 +199,7 @@ class PointFields:
 
     def export(self, n: int, step: int) -> Snapshot:
         vectors = np.zeros((len(self.vectors), n, 2))
-        sums = np.zeros(self.summed)
+        sums = np.zeros(SUMS)
         self._copy(vectors, sums, False)
         return Snapshot(step, vectors, sums)
 
@@ -214,7 +219,7 @@ class PointFields:
                         else:
                             vectors[k, i, c] = self.vectors[k][c][i]
                 i += 1
-            for k in ti.static(range(self.summed)):
+            for k in ti.static(range(SUMS)):
                 if ti.static(into):
                     self.sums[k] = sums[k]
                 else:
@@ -306,69 +311,52 @@ class Stepping:
         return point_force
 
     @ti.func
-    def stage(self, kick, move, shift, sums):
+    def stage(self, kick, move, shift):
+        sums = ti.static(self.state.sums)
         peak_point_force = self.drift(kick, move, shift, 0, self.state.n[None])
-        elastic, products = self.springs.add(
+        sums[ELASTIC], sums[PRODUCTS] = self.springs.add(
             self.state, self.explicit, 0, self.state.blocks[None]
         )
-        result, upward, potential = self.add_contact(move, sums, peak_point_force)
-        return result, elastic, products, upward, potential
+        self.add_contact(move, peak_point_force)
 
     @ti.func
-    def add_contact(self, move, sums, rigid_peak):
+    def add_contact(self, move, peak_point_force):
         """Add elastic-wall forces and apply the pinned boundary.
 
-        The points have just moved by `move` times the velocity; `rigid_peak` is the
-        rigid wall's largest force on one point. Returns sums, and force and potential
-        of the contact with the elastic wall.
+        The points have just moved by `move` times the velocity; `peak_point_force` is
+        the rigid wall's largest force on one point.
         """
-        result = sums
-        peak_point_force = rigid_peak
-        upward = 0.0
-        potential = 0.0
+        sums = ti.static(self.state.sums)
         if ti.static(self.contact):
-            sliding = 0.0
-            upward, potential, peak_point_force, sliding = self.wall.add(
+            sums[UPWARD], sums[POTENTIAL], peak_point_force, sliding = self.wall.add(
                 self.state, move
             )
-            result[SLIDING] += sliding
+            sums[SLIDING] += sliding
         if ti.static(self.pinned):
             self.boundary.hold(self.state)
-        result[PEAK_POINT_FORCE] = ti.max(result[PEAK_POINT_FORCE], peak_point_force)
-        return result, upward, potential
+        sums[PEAK_POINT_FORCE] = ti.max(sums[PEAK_POINT_FORCE], peak_point_force)
 
     # ---- a step
 
     @ti.func
-    def step(self, number, before):
-        """Make step `number`. Returns the sums, elastic energy, contact force and
-        contact potential after it.
+    def step(self, number):
+        """Make step `number`.
 
         Step 0 moves nothing: it computes the forces at t = 0 from x_0 and v_0 (in `v`
         and `u`) and subtracts the last kick of a preceding step.
         """
-        sums = before
         h = self.elapsed(number, self.state.h[None])
-        elastic = 0.0
-        products = 0.0
-        upward = 0.0
-        potential = 0.0
-        if ti.static(self.integrator.forces == 1):
-            sums, elastic, products, upward, potential = self.stage(h, h, 0.0, sums)
-        else:
-            last = ti.static(self.integrator.forces - 1)
-            # This is a loop, because four inlined stages compile slowly.
-            for k in range(ti.select(number > 0, 0, last), last + 1):
-                kick = 0.0
-                move = 0.0
-                shift = 0.0
-                for s in ti.static(range(self.integrator.forces)):
-                    if k == s:
-                        kick, move, shift = self.integrator.stages[s]
-                sums, elastic, products, upward, potential = self.stage(
-                    kick * h, move * h, shift * h * h, sums
-                )
-        return self.account(number, sums, products), elastic, upward, potential
+        last = ti.static(self.integrator.forces - 1)
+        # This is a loop, because four inlined stages compile slowly.
+        for k in range(ti.select(number > 0, 0, last), last + 1):
+            kick = 0.0
+            move = 0.0
+            shift = 0.0
+            for s in ti.static(range(self.integrator.forces)):
+                if k == s:
+                    kick, move, shift = self.integrator.stages[s]
+            self.stage(kick * h, move * h, shift * h * h)
+        self.account(number)
 
     @ti.func
     def elapsed(self, number, time):
@@ -385,20 +373,19 @@ class Stepping:
         return age
 
     @ti.func
-    def account(self, number, sums, products):
+    def account(self, number):
         """End step `number`: apply point dashpots, the boundary's reset and friction,
-        and sum up the lost energy.
-
-        `products`: see `Springs.add`. Returns sums.
-        """
+        and sum up the lost energy."""
+        sums = ti.static(self.state.sums)
         h = self.elapsed(number, self.state.h[None])
         closing = self.elapsed(number, self.state.closing[None])
+        next_kick = closing + self.state.closing[None]
         power = 0.0
         cross = 0.0
         late = 0.0
         boundary_power = 0.0
         if ti.static(self.explicit):
-            power = self.springs.eta_now[None] * products
+            power = self.springs.eta_now[None] * sums[PRODUCTS]
         if ti.static(self.implicit):
             power, cross, late = self.solver.solve_velocities(
                 self.state, self.age(number)
@@ -407,82 +394,71 @@ class Stepping:
                 boundary_power = self.boundary.solved_power(self.state)
         elif ti.static(self.matched):
             boundary_power = self.boundary.damp(self.state, 0.5 * h)
-        result = sums
         p0 = sums[POWER]
-        p1 = power
         b0 = sums[BOUNDARY_POWER]
-        b1 = boundary_power
         # Leapfrog conserves E + h^2 E_2 + O(h^4), so a dashpot g takes the integral of
         # g (v^2 + c h^2 a^2), with c = 2/3 for predicted, 1/6 for centred and -1/6 for
         # solved velocities. These sums give it to O(h^4).
-        loss = h * (p0 + 2.0 * p1) / 3.0
-        boundary_loss = h * (b0 + 5.0 * b1) / 6.0
+        loss = h * (p0 + 2.0 * power) / 3.0
+        boundary_loss = h * (b0 + 5.0 * boundary_power) / 6.0
         if ti.static(self.implicit):
-            boundary_loss = 0.5 * h * (b0 + b1)
+            boundary_loss = 0.5 * h * (b0 + boundary_power)
             # For solved velocities, c = -1/6 is right only if h times the fastest rate
             # is small. In flight the first sum is exact for linear springs at any rate.
             # In contact it would drift as h^2, so the second one is taken there.
-            loss = 0.25 * h * (sums[LEAVING] + p1 + late)
+            loss = 0.25 * h * (sums[LEAVING] + power + late)
             if sums[PEAK_POINT_FORCE] >= self.state.contact[None]:
-                loss = h * (2.0 / 3.0 * (p0 + p1) - 1.0 / 3.0 * cross)
+                loss = h * (2.0 / 3.0 * (p0 + power) - 1.0 / 3.0 * cross)
             loss -= boundary_loss
-            result[LEAVING] = ti.select(number > 0, 3.0 * p1 - late, p1 + late)
-        result[DISSIPATED] += loss + sums[INITIAL_LOSS]
-        result[INITIAL_LOSS] = 0.0
-        result[POWER] = p1
-        result[ABSORBED] += boundary_loss
-        result[BOUNDARY_POWER] = b1
+            sums[LEAVING] = ti.select(number > 0, 3.0 * power - late, power + late)
+        if ti.static(self.reset and self.damped):
+            # The force of dashpots jumps at a reset. Their loss over a step is summed
+            # as -h/2 (f_k + f_{k+1}) v_{k+1/2}, with the forces of the dashpots as they
+            # acted at both ends of the step.
+            work = self.boundary.dashpot_work(self.state, self.springs, 0.0)
+            loss = 0.5 * h * (p0 + work)
+        sums[DISSIPATED] += loss + sums[INITIAL_LOSS]
+        sums[INITIAL_LOSS] = 0.0
+        sums[POWER] = power
+        sums[ABSORBED] += boundary_loss
+        sums[BOUNDARY_POWER] = boundary_power
         if ti.static(self.reset):
-            result = self.reset_boundary(number, sums, result)
+            self.reset_boundary(number, next_kick)
         elif ti.static(self.implicit):
-            result[INITIAL_LOSS] = self.take_damped_force(number, sums)
+            self.take_damped_force(number)
         if ti.static(self.has_friction):
-            friction_power = self.wall.add_friction(
-                self.state, closing + self.state.closing[None], closing
-            )
-            result[FRICTION] += 0.5 * h * (sums[FRICTION_POWER] + friction_power)
-            result[FRICTION_POWER] = friction_power
+            friction_power = self.wall.add_friction(self.state, next_kick, closing)
+            sums[FRICTION] += 0.5 * h * (sums[FRICTION_POWER] + friction_power)
+            sums[FRICTION_POWER] = friction_power
         if number == 0:
-            for i in range(self.state.n[None]):
-                kick = self.state.closing[None] * self.state.inverse_mass[i]
-                put(self.state.v, i, get(self.state.v, i) - kick * get(self.state.f, i))
-        return result
+            self.take_back_kick()
 
     @ti.func
-    def take_damped_force(self, number, sums):
+    def take_back_kick(self):
+        """Subtract the kick that would have ended at t = 0 from the velocities."""
+        for i in range(self.state.n[None]):
+            kick = self.state.closing[None] * self.state.inverse_mass[i]
+            put(self.state.v, i, get(self.state.v, i) - kick * get(self.state.f, i))
+
+    @ti.func
+    def take_damped_force(self, number):
+        sums = ti.static(self.state.sums)
         stored = self.solver.take_damped_force(self.state)
         # Only the sum for flight contains this loss.
-        return ti.select(
-            number == 0 and sums[PEAK_POINT_FORCE] < self.state.contact[None],
-            stored,
-            0.0,
-        )
+        if number == 0 and sums[PEAK_POINT_FORCE] < self.state.contact[None]:
+            sums[INITIAL_LOSS] = stored
 
     @ti.func
-    def reset_boundary(self, number, before, sums):
-        """Reset the boundary if that is due, and return sums with the absorbed
-        energy."""
-        # The force of dashpots jumps at a reset. Their loss over a step is summed as
-        # -h/2 (f_k + f_{k+1}) v_{k+1/2}, with the forces of the dashpots as they acted
-        # at both ends of the step.
-        result = sums
-        h = self.elapsed(number, self.state.h[None])
-        if ti.static(self.damped):
-            power = self.boundary.dashpot_work(self.state, self.springs, 0.0)
-            loss = 0.5 * h * (before[POWER] + power) + before[INITIAL_LOSS]
-            result[DISSIPATED] = before[DISSIPATED] + loss
+    def reset_boundary(self, number, next_kick):
+        """Reset the boundary if that is due, and begin the loss of the next step."""
+        sums = ti.static(self.state.sums)
         if number > 0 and number % self.state.reset_steps[None] == 0:
-            result[ABSORBED] += self.boundary.stop(
+            sums[ABSORBED] += self.boundary.stop(
                 self.state, self.springs, self.solver, self.implicit
             )
         elif ti.static(self.implicit):
-            result[INITIAL_LOSS] = self.take_damped_force(number, before)
+            self.take_damped_force(number)
         if ti.static(self.damped):
-            next_kick = (
-                self.elapsed(number, self.state.closing[None])
-                + self.state.closing[None]
-            )
-            result[POWER] = self.boundary.dashpot_work(
+            sums[POWER] = self.boundary.dashpot_work(
                 self.state, self.springs, next_kick
             )
-        return result

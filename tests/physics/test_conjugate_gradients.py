@@ -35,7 +35,7 @@ def test_iterated_dashpots_move_a_body_as_a_factor_does_and_go_on_from_a_saved_s
     body = lattice, model, TRAPEZOIDAL, velocities, 2e-3
     direct = kernels.simulation(*body)
     monkeypatch.setattr(simulation, "LARGEST_FACTORISED", 0)
-    iterated = simulation.Simulation(*body)
+    iterated = kernels.simulation(*body)
     assert isinstance(iterated.program.kernels.solver, IterativeSolver)
     assert type(direct.program.kernels.solver) is not IterativeSolver
     expected = direct.advance(600, 50)[0]
