@@ -74,7 +74,6 @@ def reflect(
     sent = 0.5 * float((lattice.masses[:, None] * velocities**2).sum())
     returned = np.exp(-0.5 * ((y + 0.5 * depth) / sigma) ** 2)
     after = simulation.velocities()[points:, along]
-    simulation.program.destroy()
     # At a free end the pulse and its mirror image form a full pulse, one half of which
     # travels down.
     return float(left) / sent, float(after @ returned) / (
