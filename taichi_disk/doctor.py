@@ -4,7 +4,7 @@ drivers may crash."""
 from __future__ import annotations
 
 import platform
-from concurrent.futures import BrokenExecutor, TimeoutError
+from concurrent.futures import BrokenExecutor
 from pathlib import Path
 from tempfile import TemporaryDirectory
 

@@ -112,10 +112,12 @@ def result_of(future: Future[Any], limit: float = inf) -> Any:
     """Return the result of a future, and serve signals meanwhile. Raises TimeoutError
     after `limit` [s]."""
     until = monotonic() + limit
-    while not future.done() and monotonic() < until:
+    while not future.done():
+        if monotonic() >= until:
+            raise TimeoutError  # that of futures is another one before Python 3.11
         raise_if_interrupted()
         wait([future], POLL_INTERVAL)
-    return future.result(0.0)
+    return future.result()
 
 
 def _end(process: subprocess.Popen[bytes]) -> str:

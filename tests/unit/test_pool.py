@@ -7,7 +7,6 @@ import tempfile
 import threading
 import time
 import warnings
-from concurrent import futures
 from concurrent.futures import BrokenExecutor
 from importlib.util import find_spec
 
@@ -85,7 +84,7 @@ def test_processes_compute_at_the_same_time_and_are_killed_at_work():
 def test_signals_are_served_while_another_thread_waits(monkeypatch):
     ended = threading.Event()
     assert awaited(ended.is_set) is False
-    with pytest.raises(futures.TimeoutError):
+    with pytest.raises(TimeoutError):
         awaited(ended.wait, 0.01)
     monkeypatch.setattr(signals, "_pending", [signal.SIGTERM])
     with pytest.raises(KeyboardInterrupt):
