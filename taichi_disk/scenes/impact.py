@@ -6,7 +6,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import inf
+from math import inf, isclose
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -128,8 +128,8 @@ class ImpactScene(DiskScene):
         speed = float(np.hypot(along, up))
         angle = float(np.arctan2(along, -up))
         # A scene that throws a disk so, but for rounding, stays as it is.
-        impact = self.impact
-        if np.allclose([speed, angle], [impact.velocity, impact.angle], 1e-12, 1e-12):
+        is_speed = isclose(speed, self.impact.velocity, rel_tol=1e-12)
+        if is_speed and abs(angle - self.impact.angle) < 1e-12:
             return self
         # exactly 0 straight down, in spite of rounding
         angle = round(angle, 12)
@@ -396,15 +396,19 @@ class ImpactScenario(Scenario):
             direction = ", to the right" if along[-1] > 0.0 else ", to the left"
         text = f"It comes back with {after / before:.3f} of its speed{direction}"
         energies = split(columns, self.shape.inertia)
+        whole = energies["kinetic"][0]
         shares = {}
         for name in reversed(of_kind("loss")):
-            shares[f"{BY_NAME[name].label} took {{:.2g}} %"] = energies[name]
-        shares["{:.2g} % still rings"] = energies["vibration"] + energies["elastic"]
-        parts = []
-        for words, energy in shares.items():
-            share = energy[-1] / energies["kinetic"][0]
-            if share > LEAST_SHARE:
-                parts.append(words.format(100.0 * share))
+            shares[f"{BY_NAME[name].label} took {{:.2g}} %"] = (
+                energies[name][-1] / whole
+            )
+        ringing = energies["vibration"][-1] + energies["elastic"][-1]
+        shares["{:.2g} % still rings"] = ringing / whole
+        parts = [
+            words.format(100.0 * share)
+            for words, share in shares.items()
+            if share > LEAST_SHARE
+        ]
         if parts:
             text += f". Of the energy, {', '.join(parts)}"
         return f"{text}."
@@ -436,13 +440,13 @@ class ImpactScenario(Scenario):
             scene.damping,
             f"a = {scene.wall.a:g}/R",
         ]
-        of_some = {
+        optional = {
             "{:g} rad from the normal": impact.angle,
             "spin {:g} c/R": impact.spin,
             "μ = {:g}": scene.wall.friction,
             "turned by {:g}": impact.turn,
         }
-        words += [text.format(value) for text, value in of_some.items() if value]
+        words += [text.format(value) for text, value in optional.items() if value]
         if self.own.velocities is not None:
             words.append("own velocities")
         heading = scene.heading

@@ -167,6 +167,13 @@ def test_custom_velocities_are_thrown_and_saved_and_make_another_run(tmp_path):
         alone(SCENE, tmp_path / "own")
 
 
+def test_a_slow_throw_keeps_all_digits_of_its_speed():
+    slow = SCENE.with_(velocity=1e-4)
+    faster = 1.000000001e-4
+    thrown = slow.thrown_with(slow.body(), np.tile([0.0, -faster], (60, 1)))
+    assert thrown.impact.velocity == pytest.approx(faster, rel=1e-12, abs=0)
+
+
 @pytest.mark.parametrize(
     ("velocities", "message"),
     [
