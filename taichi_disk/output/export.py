@@ -33,6 +33,8 @@ from taichi_disk.output.files import (
 from taichi_disk.physics.model import Model
 from taichi_disk.scenes.scene import DiskScene
 
+BLOCK = 10_000  # rows of a text file that are formatted together
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -143,7 +145,9 @@ def _write_rows(file: IO[str], species: str, table: Array) -> None:
     """Write a line of `species` and numbers for each row, as `np.savetxt` would, which
     formats one row at a time and takes twice as long."""
     line = f"{species} {' '.join(repeat('%.12g', table.shape[1]))}\n"
-    file.write(len(table) * line % tuple(table.ravel().tolist()))
+    for first in range(0, len(table), BLOCK):
+        rows = table[first : first + BLOCK]
+        file.write(len(rows) * line % tuple(rows.ravel().tolist()))
 
 
 def _xyz_columns(lattice: Lattice, frame: Frame) -> dict[str, Array]:
