@@ -107,17 +107,20 @@ def compare_lattices(
             f"{warned} of {count - 1} other lattices: {text}"
         )
     comparison: dict[str, Any] = {"seeds": seeds}
+    if len(results) == 1:
+        return comparison
     for name in results[0]:
         values = [numbers[name] for numbers in results if name in numbers]
-        if len(values) == len(results) > 1:  # every lattice has this result
-            comparison[name] = statistics_of(values)
-            low, median, high = np.percentile(values, [25.0, 50.0, 75.0])
-            distances = abs(values - median)
-            if len(values) >= LATTICES and distances.max() > FAR_OFF * (high - low):
-                outcome.summary["warnings"].append(
-                    f"{name}: the lattice of seed {seeds[distances.argmax()]} lies far"
-                    f" off: the interval is no summary, the median is {median:.4g}"
-                )
+        if len(values) < len(results):
+            continue  # some lattice has no such result
+        comparison[name] = statistics_of(values)
+        low, median, high = np.percentile(values, [25.0, 50.0, 75.0])
+        distances = np.abs(np.array(values) - median)
+        if len(values) >= LATTICES and distances.max() > FAR_OFF * (high - low):
+            outcome.summary["warnings"].append(
+                f"{name}: the lattice of seed {seeds[distances.argmax()]} lies far"
+                f" off: the interval is no summary, the median is {median:.4g}"
+            )
     return comparison
 
 
@@ -138,8 +141,9 @@ def statistics_of(values: list[float]) -> dict[str, Any]:
 
 
 def half_width_95(standard_error: Any, count: Any) -> Any:
-    """Return half of the width of the 95 % confidence interval of a mean of `count` >=
-    2 values by Student's t, which allows for a scatter that few values show badly."""
+    """Return half of the width of the 95 % confidence interval of a mean of `count`
+    values by Student's t, which allows for a scatter that few values show badly; NaN
+    for one value. The arguments are numbers, or arrays of many means."""
     from scipy.special import stdtrit
 
     return stdtrit(count - 1, 0.975) * standard_error

@@ -21,7 +21,7 @@ def curve_rows(
         keys = []
         for name, value in curve.items():
             keys.append(f"{name}: {_as_text(value)}")
-            if name == "lattices":  # the last key of the label
+            if name == "lattices":  # numbers of the curve follow
                 break
         if curve["folded"]:
             keys.append(f"{curve['folded']} folded points in no fit")

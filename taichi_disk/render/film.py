@@ -43,7 +43,7 @@ _MIN_PANEL_LINES = 20
 # The springs of larger lattices are left out of a GIF, where they take two thirds of
 # the bytes and are less than 10 pixels apart.
 _GIF_POINTS = 800
-FEWEST = 3  # pictures of a film
+FEWEST_PICTURES = 3  # of a film
 _LABEL_SIZE = 1.5  # size of a comparison's differing keys, relative to the title
 
 
@@ -102,7 +102,7 @@ def draw_film(
         finest = max(run.scenario.lattice.disk_points for run in runs)
         if video.draw == "both" and finest > _GIF_POINTS:
             video = replace(video, draw="field")
-    frames = max(round(fps * video.seconds), FEWEST)
+    frames = max(round(fps * video.seconds), FEWEST_PICTURES)
     if path.suffix == ".png":
         frames = 1
         video = replace(video, supersample=2.0)
@@ -149,8 +149,8 @@ def storyboard(
     runs: Sequence[Run], video: VideoSection, span: Span, frames: int, rate: float
 ) -> tuple[list[Flight], list[float], list[list[Caption]]]:
     """Return the flight of each run, how many times stronger its vibration is shown
-    after the impact, and its pictures: one, or at least FEWEST `frames`, of which
-    `rate` are shown in a second.
+    after the impact, and its pictures: one, or at least FEWEST_PICTURES `frames`, of
+    which `rate` are shown in a second.
 
     Raises InputError for an invalid span.
     """

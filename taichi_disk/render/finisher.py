@@ -120,9 +120,10 @@ def draw_curves(
     picture[:, :past] = drawn.past[:, :past]
     picture[:, past:] = drawn.coming[:, past:]
     if left <= column < right:
-        line = slice(column, column + max(round(_CURSOR * len(picture) / 720), 1))
+        width = max(round(_CURSOR * len(picture) / 720), 1)
         for _, _, top, bottom in drawn.boxes:
-            picture[top:bottom, line, :3] = ink(scene.colours["faint"])
+            line = picture[top:bottom, column : column + width, :3]
+            line[:] = ink(scene.colours["faint"])
 
 
 def canvas(picture: Picture) -> tuple[Any, Any]:

@@ -205,9 +205,8 @@ def cues(
     held[-1] += end
     in_a_second = rate * (stop - begin) / max(moving - 1, 1)
     found = []
-    for t, step, stills in zip(
-        times, np.interp(places, number, steps), held, strict=True
-    ):
+    paces = np.interp(places, number, steps)
+    for t, step, stills in zip(times, paces, held, strict=True):
         pace: tuple[str, ...] = ()
         if longest.scenario.words.pace:
             rounded = float(f"{in_a_second * step:.2g}")

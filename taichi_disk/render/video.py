@@ -50,11 +50,10 @@ def video(
     """Write a film as ".mp4", ".webm" or ".gif", one picture as ".png", or a folder of
     pictures as "".
 
-    `origin`: text for the metadata of the
-    file. Use as `with video(...) as append`. `append(picture, is_new)` appends an array
-    (height, width, 4), and does not keep it; an old picture is the one before. Equal
-    pictures give equal bytes. Raises OSError, at a later picture or at the end, if the
-    file cannot be written.
+    `origin`: text for the metadata of the file. Use as `with video(...) as append`.
+    `append(picture, is_new)` appends an array (height, width, 4), and does not keep it;
+    an old picture is the one before. Equal pictures give equal bytes. Raises OSError,
+    at a later picture or at the end, if the file cannot be written.
     """
     encoder = {"": _folder, ".png": _still, ".gif": _gif}.get(form, _stream)
     return encoder(path, size, fps, origin)

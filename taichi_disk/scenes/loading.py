@@ -92,7 +92,7 @@ def quasistatic(scenario: Any, loads: int, progress: Progress) -> Outcome:
         }
         rows.append(row)
     columns = {name: np.zeros(loads) for name in INDEX} | {"t": fractions}
-    for name in row:
+    for name in rows[0]:
         columns[name] = np.array([one[name] for one in rows], float)
     columns["load"] = fractions * model.load.force * columns["com_y"]
     columns["total"] = columns["elastic"] + columns["wall"] + columns["load"]

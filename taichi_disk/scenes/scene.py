@@ -51,7 +51,7 @@ class DiskScene(Frozen):
     sections, and defines `of_body`."""
 
     title: ClassVar[str] = ""  # description of the kind
-    # sections and keys on which `body` depends
+    # sections and keys on which `body` depends, besides material.k_a
     lattice_keys: ClassVar[tuple[str, ...]] = ("lattice",)
     # section and key against which a sweep draws curves
     abscissa: ClassVar[tuple[str, str]]

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from taichi_disk.computation.stability import Spectrum
     from taichi_disk.physics import Model
 
-MAX_POINTS = 100_000  # of the cached lattices, from which they are forgotten
+MAX_POINTS = 100_000  # of the cached lattices; with more, all are forgotten
 
 _BODIES: dict[Hashable, Lattice] = {}
 _SPECTRA: dict[Hashable, Spectrum] = {}  # four numbers each, so all are kept

@@ -119,7 +119,8 @@ def _axes(
             )
             continue
         given = tree.entries.get(target)
-        if given and given.key.rank == 0 < mark.rank:
+        is_override = mark.rank > 0
+        if given and is_override and given.key.rank == 0:
             # An option replaces what the file says, as for single values.
             tree.remove(*target)
         if target in tree.entries or target in taken:
@@ -199,7 +200,8 @@ def _combine(
             )
             if of_block and target_of(kind, name) in of_block[0].unused():
                 what = "has no effect with lattice.file: leave it out"
-                tree.fault(given[0][1].key, ("sweep", name), what)
+                _, first = given[0]
+                tree.fault(first.key, ("sweep", name), what)
         checked_blocks.append(values)
         scenes += of_block
     if tree.faults:

@@ -169,6 +169,7 @@ class SubdomainKernels(Kernels):
     """Moves the points of a large lattice on several cores."""
 
     def __init__(self, builder: Any, count: int, *parts: Any) -> None:
+        """`count`: number of subdomains; `parts`: the arguments of `Kernels`."""
         super().__init__(*parts)
         self.count = count
         self.steps_per_launch = max(1, FORCES_PER_LAUNCH // self.integrator.forces)

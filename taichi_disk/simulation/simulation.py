@@ -117,8 +117,8 @@ class Program:
         return engine.program() is self._engine
 
     def switch_to(self, simulation: Simulation) -> None:
-        """Save the state of the occupant, and write that of `simulation` into the
-        fields."""
+        """Write the state of `simulation` into the fields, and save that of the
+        occupant."""
         self.vacate()
         for law, new in zip(self.model.laws, simulation.model.laws, strict=True):
             law.take_values(new)
@@ -135,6 +135,7 @@ class Program:
         self.occupant = simulation
 
     def vacate(self) -> None:
+        """Save the state of the occupant, which loses the fields."""
         if self.occupant:
             self.occupant.saved = self.occupant.snapshot()
         self.occupant = None

@@ -23,7 +23,7 @@ from taichi_disk.output.files import write_text
 from taichi_disk.output.panel import ON_DARK
 from taichi_disk.output.plot import axis_labels, curves
 from taichi_disk.progress import Progress
-from taichi_disk.render.film import FEWEST, film_origin, storyboard
+from taichi_disk.render.film import FEWEST_PICTURES, film_origin, storyboard
 from taichi_disk.render.moments import (
     MOMENTS,
     WHOLE,
@@ -70,7 +70,7 @@ def write_page(
     names = titles(runs, labels)
     points = max(len(run.scenario.lattice.positions) for run in runs)
     _, fps = video.size_and_rate("html")
-    wanted = max(round(fps * video.seconds), FEWEST)
+    wanted = max(round(fps * video.seconds), FEWEST_PICTURES)
     frames = min(wanted, max(_STATES // points, _FEWEST))
     rate = fps * frames / wanted  # pictures in a second
     flights, _, words = storyboard(runs, video, span, frames, rate)
