@@ -31,7 +31,7 @@ MOMENTS = {"greatest": "greatest compression", "contact": "first contact", "end"
 _START = 0.035
 _PAUSE = 0.05
 _END = 0.15
-_BESIDE_CONTACT = (
+BESIDE_CONTACT = (
     0.32  # time of the curves before and after a contact, over its duration
 )
 _AROUND_CONTACT = 0.06  # shown in slow motion, too; over the duration of the contact
@@ -44,16 +44,16 @@ _CHANGE = 0.2  # fraction of a flight in which the pace changes
 _PACE_TIMES = 1000
 # A pace up to this factor above the slowest is called slow motion, if the flights are
 # this many times faster.
-_SLOW = 1.1
-_MUCH_SLOWER = 1.5
+SLOW = 1.1
+MUCH_SLOWER = 1.5
 # A ringing is shown so strong that it stores this fraction, as an amplitude, of the
-# greatest compression, but at most _MAX_RINGING times as strong as it is. It is not
-# shown stronger if it would have to be more than _FAINT times, or if dashpots take more
-# than the fraction _DAMPED of its energy from the end of the contact to the run's end.
-_RINGING = 0.5
-_MAX_RINGING = 6
-_FAINT = 10
-_DAMPED = 0.1
+# greatest compression, but at most MAX_RINGING times as strong as it is. It is not
+# shown stronger if it would have to be more than FAINT times, or if dashpots take more
+# than the fraction DAMPED of its energy from the end of the contact to the run's end.
+RINGING = 0.5
+MAX_RINGING = 6
+FAINT = 10
+DAMPED = 0.1
 EASE = 0.7  # until a ringing is as strong [s]
 _NEAR_PEAK = 0.01  # relative distance of times that count as the same moment
 
@@ -122,7 +122,7 @@ def curve_span(run: Run) -> tuple[float, float]:
     if not run.scenario.is_thrown:
         return float(t[0]), last_motion(run.series)
     start, end = contact_interval(run.series)
-    beside = _BESIDE_CONTACT * (end - start)
+    beside = BESIDE_CONTACT * (end - start)
     return start - beside, min(end + beside, float(t[-1]))
 
 
@@ -211,7 +211,7 @@ def cues(
         if longest.scenario.words.pace:
             rounded = float(f"{in_a_second * step:.2g}")
             pace = (longest.scenario.words.pace.format(rounded),)
-            if step <= _SLOW * slowest and factor > _MUCH_SLOWER:
+            if step <= SLOW * slowest and factor > MUCH_SLOWER:
                 pace += (f"slowed {factor:.0f} times",)
         found.append(Caption(t, pace=pace))
         note = MOMENTS["greatest"] if t == peak else ""
@@ -233,10 +233,10 @@ def ringing(run: Run) -> float:
     left = max(columns["vibration"][-1] + elastic[-1], 1e-300)
     lost = dissipated[-1] - np.interp(end, columns["t"], dissipated)
     # half of the energy of a vibration is elastic
-    factor = round(_RINGING * math.sqrt(2.0 * elastic.max() / left))
-    if factor > _FAINT or lost > _DAMPED * left:
+    factor = round(RINGING * math.sqrt(2.0 * elastic.max() / left))
+    if factor > FAINT or lost > DAMPED * left:
         return 1.0
-    return float(max(min(factor, _MAX_RINGING), 1))
+    return float(max(min(factor, MAX_RINGING), 1))
 
 
 def captions(

@@ -140,7 +140,7 @@ def ink(colour: Any) -> Ink:
 # ---- scales
 
 FULL_COLOUR = 98.0  # percentile of the values at the end of the colour scale
-_STEPS = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+STEPS = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 
 
 def full_scale(values: NDArray[np.floating[Any]], colour: str) -> float:
@@ -151,10 +151,10 @@ def full_scale(values: NDArray[np.floating[Any]], colour: str) -> float:
 
 
 def round_near(value: float) -> float:
-    """Return the round number (a power of ten times one of _STEPS) whose ratio to
+    """Return the round number (a power of ten times one of STEPS) whose ratio to
     `value` is closest to 1."""
     value = max(value, 1e-12)
     decade = 10.0 ** math.floor(math.log10(value))
     return float(
-        decade * min(_STEPS, key=lambda step: abs(math.log(step * decade / value)))
+        decade * min(STEPS, key=lambda step: abs(math.log(step * decade / value)))
     )

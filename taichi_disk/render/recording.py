@@ -27,9 +27,9 @@ from taichi_disk.statics.equilibrium import turned
 
 # number of times, from the contact to the greatest compression, that determine the
 # colour scale of a film
-_SCALE_TIMES = 12
+SCALE_TIMES = 12
 # longest arrow over the arrow of `full_force`, so that arrows stay in the picture
-_MAX_ARROW = 4.0
+MAX_ARROW = 4.0
 # smallest distance of the disk to the left and right edge of the picture [R]
 _SIDE_MARGIN = 0.05
 # greatest visible height of a disk that flies on until all compared runs have ended [R]
@@ -135,7 +135,7 @@ class Recording:
         self.times = np.unique(times)
         peak = greatest_compression(run.series)
         start = min(contact_interval(run.series)[0], peak)
-        count = _SCALE_TIMES if len(self.times) > 1 else 1
+        count = SCALE_TIMES if len(self.times) > 1 else 1
         scale_times = np.union1d(self.times[0], np.linspace(peak, start, count))
         all_times = np.unique([start, *scale_times, *self.times])
         replay = zip(all_times, flight.frames(all_times), strict=True)
@@ -146,7 +146,7 @@ class Recording:
         self.limits = self._limits(until_peak, quantities)
         _, forces = wall.contact_forces(lattice, compressed)
         self.largest_force = float(np.hypot(*forces.T).max(initial=0.0))
-        full = max(self.largest_force, run.largest_force / _MAX_ARROW)
+        full = max(self.largest_force, run.largest_force / MAX_ARROW)
         self.full_force = round_near(full) if full else 0.0
         self.full_speed = 0.0
         if scenario.is_thrown:

@@ -433,26 +433,31 @@ class ImpactScenario(Scenario):
         )
 
     def _title(self) -> tuple[str, ...]:
+        heading = self.scene.heading
+        if self.scene.impact.spin:
+            heading = "Impact with spin"
+        numbers = "    ".join(self.numbers().values())
+        return heading, numbers, self.scene.described(self.lattice)
+
+    def numbers(self) -> dict[str, str]:
+        """Return the parameters that a title shows, by what they describe."""
         scene = self.scene
         impact = scene.impact
-        words = [
-            f"v = {impact.velocity:g} c",
-            scene.damping,
-            f"a = {scene.wall.a:g}/R",
-        ]
+        numbers = {
+            "velocity": f"v = {impact.velocity:g} c",
+            "damping": scene.damping,
+            "wall": f"a = {scene.wall.a:g}/R",
+        }
         optional = {
             "{:g} rad from the normal": impact.angle,
             "spin {:g} c/R": impact.spin,
             "μ = {:g}": scene.wall.friction,
             "turned by {:g}": impact.turn,
         }
-        words += [text.format(value) for text, value in optional.items() if value]
+        numbers |= {text: text.format(one) for text, one in optional.items() if one}
         if self.own.velocities is not None:
-            words.append("own velocities")
-        heading = scene.heading
-        if impact.spin:
-            heading = "Impact with spin"
-        return heading, "    ".join(words), scene.described(self.lattice)
+            numbers["start"] = "own velocities"
+        return numbers
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
         time = time_text(row["t"])

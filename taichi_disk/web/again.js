@@ -6,29 +6,7 @@ import { decoded } from "./draw.js";
 import { FRINGES } from "./legend.js";
 import { thrown } from "./stepper.js";
 
-const FULL_COLOUR = 0.98; // part of the points within the colour scale
-const SCALE_STATES = 12; // from the contact to the greatest compression, for scales
-const ROUND = [1, 1.5, 2, 3, 4, 5, 6, 8, 10]; // of round numbers
-const LONGEST_FORCE = 4; // arrow of the largest force on a point, over that of the full one, at most
 const LEAST_FORCE = 0.01; // on a point, over the full one, that has an arrow
-const FLATTENING = 0.05; // of the drawn disk, to which displacements are magnified [R]
-const MOST_MAGNIFIED = 20;
-// amplitude of the ringing over that of the greatest compression, for which it is drawn stronger: at most
-// so many times, and not if it is too faint, or if dashpots take more than such a part of its energy
-const RINGING = 0.5;
-const MOST_RINGING = 6;
-const FAINT = 10;
-const DAMPED = 0.1;
-const EASE = 0.7; // time in which it becomes so strong [s]
-const VISIBLE_ENERGY = 2e-3; // of the largest, for a curve
-const BESIDE = 0.32; // time of the curves after the contact, over its duration
-const SLOW_PACE = 1.1; // pace over the slowest, up to which it is called slow
-
-function roundNear(value) {
-  const decade = 10 ** Math.floor(Math.log10(Math.max(value, 1e-12)));
-  const distance = (step) => Math.abs(Math.log((step * decade) / value));
-  return decade * ROUND.reduce((best, step) => (distance(step) < distance(best) ? step : best));
-}
 
 // Return where a value lies in one ascending list, at the corresponding place of another.
 function mapped(value, from, to) {
@@ -36,11 +14,19 @@ function mapped(value, from, to) {
   return to[k] + ((value - from[k]) / (from[k + 1] - from[k])) * (to[k + 1] - to[k]);
 }
 
+// Return the round number nearest to a value; `steps`: those from 1 to 10.
+function roundNear(value, steps) {
+  const decade = 10 ** Math.floor(Math.log10(Math.max(value, 1e-12)));
+  const distance = (step) => Math.abs(Math.log((step * decade) / value));
+  return decade * steps.reduce((best, step) => (distance(step) < distance(best) ? step : best));
+}
+
 const largest = (list) => list.reduce((most, one) => Math.max(most, Math.abs(one)), 0);
 const fixed = (value) => value.toFixed(2).replace("-", "−").replace("−0.00", "0.00");
 const signed = (value) => (value >= 0.005 ? `+${fixed(value)}` : fixed(value));
 
-// Return the disk that a film's message describes; `scene`: of its drawing.
+// Return the disk that a film's message describes, with the film's `rules` (see throws.py); `scene`: of
+// its drawing.
 export function diskOf(message, { springs, triangles, outline }) {
   const positions = decoded(message.positions, Float64Array);
   const masses = decoded(message.masses, Float64Array);
@@ -70,7 +56,7 @@ export class Again {
     this.times = this.states.map(({ t }) => t);
     Object.assign(this, { disk, flight, v, limits: {}, moments: flight.moments });
     const [start, , end] = flight.moments;
-    this.end = Math.min(end + BESIDE * (end - start), flight.rows[flight.end].t);
+    this.end = Math.min(end + disk.rules.besideContact * (end - start), flight.rows[flight.end].t);
     this.centre = disk.masses.reduce((sum, m, i) => sum + m * first.x[2 * i], 0);
     // Pictures lie between the moments of the contact as those of the film that was packed.
     const from = [film.times[0], ...disk.moments, film.times.at(-1)];
@@ -80,15 +66,19 @@ export class Again {
     this.fit();
     this.curves = disk.curves.map((curve) => this.measured(curve)).filter(Boolean);
     this.captions = this.words(film);
-    const [name, numbers, ...others] = film.runs[0].scene.title;
-    const now = [`v = ${digits(v)} c`, `η* = ${digits(etaStar)}`, ...numbers.split("    ").slice(2)];
-    this.title = [name, now.join("    "), ...others];
+    const [name, , ...others] = film.runs[0].scene.title;
+    const ofThrow = { velocity: `v = ${digits(v)} c`, damping: `η* = ${digits(etaStar)}` };
+    this.title = [name, Object.values({ ...disk.numbers, ...ofThrow }).join("    "), ...others];
   }
 
   // Return the place of a time in the list of states.
   place(t) {
     const { times } = this;
     return t < 0 ? 1 - t / times[0] : Math.min(1 + t / times[2], times.length - 1);
+  }
+
+  round(value) {
+    return roundNear(value, this.disk.rules.roundNumbers);
   }
 
   at(t) {
@@ -98,41 +88,43 @@ export class Again {
   // Choose what fits the state of the greatest compression.
   fit() {
     const { disk, flight, states, moments } = this;
-    const { a, V0, colours } = disk;
+    const { a, V0, colours, rules } = disk;
     const flattest = this.at(moments[1]);
     const force = a * V0 * Math.exp(-a * flattest.lowest);
     this.edge = Math.max(Math.log((a * V0) / force) / a, 0);
-    this.fullForce = roundNear(Math.max(force, flight.peakForce / LONGEST_FORCE));
+    this.fullForce = this.round(Math.max(force, flight.peakForce / rules.longestForce));
     const flattening = states[1].com_y - states[1].lowest - (flattest.com_y - flattest.lowest);
-    const most = roundNear(FLATTENING / Math.max(flattening, FLATTENING / MOST_MAGNIFIED));
+    const most = this.round(rules.flattening / Math.max(flattening, rules.flattening / rules.mostMagnified));
     this.magnify = disk.magnify === "auto" ? Math.max(most, 1) : disk.magnify;
     this.folded = colours.folded(flattest.x);
     const { vibration, elastic, dissipated } = flight.rows[flight.end];
     const lost = dissipated - flight.rows.find(({ t }) => t >= moments[2]).dissipated;
     const left = vibration + elastic; // half of it is elastic
-    const factor = Math.round(RINGING * Math.sqrt((2 * flattest.elastic) / left));
-    const isShown = factor <= FAINT && lost <= DAMPED * left;
-    this.ringing = isShown ? Math.max(Math.min(factor, MOST_RINGING), 1) : 1;
+    const factor = Math.round(rules.ringing * Math.sqrt((2 * flattest.elastic) / left));
+    const isShown = factor <= rules.faint && lost <= rules.damped * left;
+    this.ringing = isShown ? Math.max(Math.min(factor, rules.mostRinging), 1) : 1;
   }
 
   // Return a curve with its values, or nothing for an energy that cannot be seen.
   measured([panel, column, name, colours]) {
     const values = this.states.map((one) => one[column] / (panel ? 1 : this.v));
-    const isSeen = panel < 2 || largest(values) > VISIBLE_ENERGY * this.states[0].total;
+    const isSeen = panel < 2 || largest(values) > this.disk.rules.visibleEnergy * this.states[0].total;
     return isSeen && { panel, run: 0, values, name, colours };
   }
 
   words({ fps, runs }) {
     const { pictures, flight, v, ringing, moments } = this;
+    const { ease, slowPace, muchSlower } = this.disk.rules;
     const paces = pictures.map((t, k) => fps * ((pictures[k + 1] ?? t) - t));
     paces.forEach((pace, k) => (paces[k] = pace || paces[k - 1] || paces.find((one) => one)));
     const slowest = Math.min(...paces);
-    const slow = `    slowed ${Math.round(Math.max(...paces) / slowest)} times`;
+    const factor = Math.max(...paces) / slowest;
+    const slow = factor > muchSlower ? `    slowed ${Math.round(factor)} times` : "";
     const result = `*e = ${flight.restitution.toFixed(3)}`;
     const stronger = ringing > 1 ? `the ringing, shown ${ringing} times stronger` : "";
     const end = pictures.findIndex((t) => t >= moments[2]);
     this.strengths = pictures.map((_, k) => {
-      const part = Math.min(Math.max(k - end, 0) / (EASE * fps), 1);
+      const part = Math.min(Math.max(k - end, 0) / (ease * fps), 1);
       return ringing ** (part * part * (3 - 2 * part));
     });
     const after = `after t = ${this.end.toFixed(1)} R/c`;
@@ -141,7 +133,7 @@ export class Again {
       t < 0 ? "before t = 0" : clock(t),
       k < end ? `+${signed(this.at(t).com_vy / v)} v` : result,
       k < end ? runs[0].captions[k][2] : "",
-      `1 s = ${digits(paces[k], 2)} R/c${paces[k] < SLOW_PACE * slowest ? slow : ""}`,
+      `1 s = ${digits(paces[k], 2)} R/c${paces[k] < slowPace * slowest ? slow : ""}`,
       k < end ? "" : stronger,
     ]);
   }
@@ -149,12 +141,13 @@ export class Again {
   // Return the end of the colour scale.
   limit(quantity) {
     const [first, last] = this.moments;
-    const sizes = Array.from({ length: SCALE_STATES }, (_, k) => {
-      const { x, v } = this.at(first + ((last - first) * k) / (SCALE_STATES - 1));
+    const { scaleStates, fullColour } = this.disk.rules;
+    const sizes = Array.from({ length: scaleStates }, (_, k) => {
+      const { x, v } = this.at(first + ((last - first) * k) / (scaleStates - 1));
       const values = this.disk.colours.of(quantity, x, v).map(Math.abs).sort();
-      return values[Math.floor(FULL_COLOUR * (values.length - 1))];
+      return values[Math.floor(fullColour * (values.length - 1))];
     });
-    return roundNear(Math.max(...sizes) / (quantity === "fringes" ? FRINGES : 1));
+    return this.round(Math.max(...sizes) / (quantity === "fringes" ? FRINGES : 1));
   }
 
   // Return the state at a place in the list of states; between two states it is interpolated.

@@ -11,8 +11,10 @@ from taichi_disk.computation.contact import contact_interval
 from taichi_disk.computation.stability import explicit_limit
 from taichi_disk.config.sections import SLIDERS, VideoSection
 from taichi_disk.lattice.network import laplacian, largest_eigenvalue
+from taichi_disk.output import plot
 from taichi_disk.output.panel import ON_DARK
 from taichi_disk.output.plot import INK, LINE
+from taichi_disk.render import geometry, moments, palette, recording
 from taichi_disk.render.moments import time_of
 from taichi_disk.render.recording import Flight
 from taichi_disk.simulation.observables import BY_NAME
@@ -26,6 +28,25 @@ _PANELS = (
     ("wall_force",),
     ("translation", "vibration", "elastic", "wall", "dissipated"),
 )
+
+# numbers by which a film chooses what it shows, and a page for its own throws, too
+_RULES = {
+    "fullColour": palette.FULL_COLOUR / 100.0,
+    "roundNumbers": palette.STEPS,
+    "scaleStates": recording.SCALE_TIMES,
+    "longestForce": recording.MAX_ARROW,
+    "flattening": geometry.FLATTENING,
+    "mostMagnified": geometry.MAX_MAGNIFICATION,
+    "ringing": moments.RINGING,
+    "mostRinging": moments.MAX_RINGING,
+    "faint": moments.FAINT,
+    "damped": moments.DAMPED,
+    "ease": moments.EASE,
+    "visibleEnergy": plot.VISIBLE_ENERGY,
+    "besideContact": moments.BESIDE_CONTACT,
+    "slowPace": moments.SLOW,
+    "muchSlower": moments.MUCH_SLOWER,
+}
 
 
 def throwable(flight: Flight, video: VideoSection) -> dict[str, Any] | None:
@@ -72,6 +93,8 @@ def throwable(flight: Flight, video: VideoSection) -> dict[str, Any] | None:
             "top": scenario.gap - flight.start * scenario.velocity,
             "moments": [first, time_of("greatest", run.series), second],
             "curves": _curves(),
+            "rules": _RULES,
+            "numbers": scenario.numbers(),
             "sliders": SLIDERS,
             "eta_star": eta * len(masses),
         }
