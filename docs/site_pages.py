@@ -33,27 +33,31 @@ FILM = re.compile(
 QUESTION = "How fast does an elastic disk come back?"
 ROOT = Path(__file__).parents[1]
 PYTHON = {
-    "Scenes": ("taichi_disk.scenes.load_scene", "taichi_disk.scenes.load_sweep"),
+    "Scenes": (
+        "taichi_disk.experiments.scenes.load_scene",
+        "taichi_disk.experiments.scenes.load_sweep",
+    ),
     "Running": (
-        "taichi_disk.api.run",
-        "taichi_disk.api.Result",
-        "taichi_disk.computation.driver.State",
+        "taichi_disk.runs.api.run",
+        "taichi_disk.runs.api.Result",
+        "taichi_disk.experiments.computation.driver.State",
     ),
     "Scene objects": tuple(
-        f"taichi_disk.scenes.scene.DiskScene.{name}" for name in ("with_", "to_yaml")
+        f"taichi_disk.experiments.scenes.scene.DiskScene.{name}"
+        for name in ("with_", "to_yaml")
     ),
-    "Lattices": ("taichi_disk.lattice.lattice.Lattice",),
+    "Lattices": ("taichi_disk.mechanics.lattice.lattice.Lattice",),
     "Sweeps": (
-        "taichi_disk.sweep.sweep.run_sweep",
-        "taichi_disk.sweep.sweep.SweepResult",
+        "taichi_disk.studies.sweep.sweep.run_sweep",
+        "taichi_disk.studies.sweep.sweep.SweepResult",
     ),
     "Fields": (
-        "taichi_disk.fields.field",
-        "taichi_disk.fields.Field",
-        "taichi_disk.fields.stress",
+        "taichi_disk.mechanics.fields.field",
+        "taichi_disk.mechanics.fields.Field",
+        "taichi_disk.mechanics.fields.stress",
     ),
     "Errors": tuple(
-        f"taichi_disk.errors.{name}Error"
+        f"taichi_disk.base.errors.{name}Error"
         for name in ("TaichiDisk", "Input", "Simulation")
     ),
 }
@@ -255,8 +259,8 @@ def reference() -> str:
 
 def scene_keys() -> str:
     """Return a page with every key of a scene file, by kind of scene and section."""
-    from taichi_disk.scenes import SCENES
-    from taichi_disk.scenes.scene import yaml_scalar
+    from taichi_disk.experiments.scenes import SCENES
+    from taichi_disk.experiments.scenes.scene import yaml_scalar
 
     lines = [
         "# Keys of a scene file",

@@ -12,10 +12,10 @@ TYPE_CHECKING = False  # importing it from typing would delay the handling of Ct
 if TYPE_CHECKING:
     from typing import Any
 
-    from taichi_disk.api import Result, run
-    from taichi_disk.lattice import Lattice
-    from taichi_disk.scenes import Scene, load_scene, load_sweep
-    from taichi_disk.sweep.sweep import run_sweep
+    from taichi_disk.experiments.scenes import Scene, load_scene, load_sweep
+    from taichi_disk.mechanics.lattice import Lattice
+    from taichi_disk.runs.api import Result, run
+    from taichi_disk.studies.sweep.sweep import run_sweep
 
 BEGAN = perf_counter()  # start of the wall clock of a command
 __all__ = [
@@ -30,12 +30,12 @@ __all__ = [
 ]
 
 _MODULES = {
-    "Lattice": "lattice",
-    "Result": "api",
-    "run": "api",
-    "run_sweep": "sweep.sweep",
+    "Lattice": "mechanics.lattice",
+    "Result": "runs.api",
+    "run": "runs.api",
+    "run_sweep": "studies.sweep.sweep",
 }
-_MODULES |= dict.fromkeys(("Scene", "load_scene", "load_sweep"), "scenes")
+_MODULES |= dict.fromkeys(("Scene", "load_scene", "load_sweep"), "experiments.scenes")
 
 
 def __dir__() -> list[str]:

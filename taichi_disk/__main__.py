@@ -3,7 +3,7 @@ while."""
 
 from __future__ import annotations
 
-from taichi_disk.signals import listen
+from taichi_disk.base.signals import listen
 
 
 def process() -> None:
@@ -18,8 +18,8 @@ def process() -> None:
     # Set this before NumPy is imported: idle threads of OpenBLAS would use the cores,
     # and nothing here needs them.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    from taichi_disk.base.runtime import leave
     from taichi_disk.cli import main
-    from taichi_disk.runtime import leave
 
     # draws into files; the user's backend may need a display or not exist
     os.environ["MPLBACKEND"] = "agg"

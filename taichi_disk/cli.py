@@ -14,18 +14,18 @@ from time import perf_counter
 from typing import Any, NoReturn
 
 from taichi_disk import BEGAN, __version__
-from taichi_disk.config.sections import VideoSection
-from taichi_disk.config.tree import shipped_scenes
-from taichi_disk.errors import (
+from taichi_disk.base.errors import (
     NOTICES,
     InputError,
     TaichiDiskError,
     printable,
     system_message,
 )
-from taichi_disk.machine import cores
-from taichi_disk.progress import terminal
-from taichi_disk.signals import INTERRUPTED, raise_if_interrupted
+from taichi_disk.base.machine import cores
+from taichi_disk.base.progress import terminal
+from taichi_disk.base.signals import INTERRUPTED, raise_if_interrupted
+from taichi_disk.experiments.config.sections import VideoSection
+from taichi_disk.experiments.config.tree import shipped_scenes
 
 DEFAULT_SCENE = "exponential_wall"  # of `view`
 _TRAJECTORIES = ("xyz", "vtu", "npz")
@@ -115,7 +115,7 @@ class _Notes(logging.Handler):
 
 
 def _load(arguments: argparse.Namespace, what: str = "scene") -> Any:
-    from taichi_disk import scenes
+    from taichi_disk.experiments import scenes
 
     load = getattr(scenes, f"load_{what}")
     return load(arguments.scene or DEFAULT_SCENE, arguments.overrides)
@@ -143,9 +143,9 @@ def _out(arguments: argparse.Namespace, suffix: str = "") -> Path:
 def _run(arguments: argparse.Namespace) -> int:
     scene = _load(arguments)
 
-    from taichi_disk.api import run
-    from taichi_disk.api.work import ERRORS
-    from taichi_disk.output.report import print_result, print_time
+    from taichi_disk.runs.api import run
+    from taichi_disk.runs.api.work import ERRORS
+    from taichi_disk.runs.output.report import print_result, print_time
 
     options = _options(
         arguments, "video", "export", "overwrite", "force", "threads", "lattices"
@@ -171,7 +171,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def _sweep(arguments: argparse.Namespace) -> int:
     sweep = _load(arguments, "sweep")
 
-    from taichi_disk.sweep.sweep import print_sweep, run_sweep
+    from taichi_disk.studies.sweep.sweep import print_sweep, run_sweep
 
     options = _options(arguments, "jobs", "part", "estimate")
     options["executor"] = arguments.scheduler
@@ -185,7 +185,7 @@ def _sweep(arguments: argparse.Namespace) -> int:
 
 
 def _view(arguments: argparse.Namespace) -> None:
-    from taichi_disk.window.app import view
+    from taichi_disk.sandbox.app import view
 
     name = arguments.scene or DEFAULT_SCENE
     is_folder = Path(name).is_dir() and name not in shipped_scenes()
@@ -202,8 +202,8 @@ def _view(arguments: argparse.Namespace) -> None:
 
 
 def _render(arguments: argparse.Namespace) -> None:
-    from taichi_disk.api import Result
-    from taichi_disk.render.film import check_target, size_text
+    from taichi_disk.pictures.render.film import check_target, size_text
+    from taichi_disk.runs.api import Result
 
     if arguments.out:
         check_target(arguments.out)
@@ -244,7 +244,7 @@ def _film_name(form: str, is_comparison: bool) -> str:
 
 
 def _export(arguments: argparse.Namespace) -> None:
-    from taichi_disk.api import Result
+    from taichi_disk.runs.api import Result
 
     form = arguments.format
     if not form and not arguments.out:
@@ -256,7 +256,7 @@ def _export(arguments: argparse.Namespace) -> None:
 
 
 def _check(arguments: argparse.Namespace) -> None:
-    from taichi_disk.scenes import check_feasible
+    from taichi_disk.experiments.scenes import check_feasible
 
     scene = _load(arguments, "any")
     check_feasible(scene)
@@ -266,7 +266,7 @@ def _check(arguments: argparse.Namespace) -> None:
 def _accuracy(arguments: argparse.Namespace) -> None:
     scene = _load(arguments)
 
-    from taichi_disk.accuracy.study import study
+    from taichi_disk.studies.accuracy.study import study
 
     name = " ".join([Path(arguments.scene).stem, *arguments.overrides])
     study(scene, _out(arguments, "_accuracy"), name)

@@ -8,11 +8,11 @@ from concurrent.futures import BrokenExecutor
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from taichi_disk import engine
-from taichi_disk.engine.environment import CACHE, cache_folder, cache_problem
-from taichi_disk.machine import REMEDY, cores, processor
-from taichi_disk.processes.pool import Pool, result_of
-from taichi_disk.scenes import load_scene
+from taichi_disk.base import engine
+from taichi_disk.base.engine.environment import CACHE, cache_folder, cache_problem
+from taichi_disk.base.machine import REMEDY, cores, processor
+from taichi_disk.base.processes.pool import Pool, result_of
+from taichi_disk.experiments.scenes import load_scene
 
 SETTINGS = [
     "lattice.points=20",
@@ -27,7 +27,7 @@ _CRASHED = "crashed"
 def examine() -> bool:
     """Print the state of this machine, with remedies, and return whether scenes can be
     run and filmed."""
-    from taichi_disk.render.shaders import fit_engine
+    from taichi_disk.pictures.render.shaders import fit_engine
 
     folder = cache_folder()
     cache = str(folder)
@@ -85,7 +85,7 @@ def try_run() -> tuple[str, str]:
 
 def film_small(out: Path, settings: list[str]) -> tuple[str, str]:
     """Run and film a scene into `out`. Returns as `try_run`."""
-    from taichi_disk.api import run
+    from taichi_disk.runs.api import run
 
     result = run(load_scene("exponential_wall", settings), out, lattices=1)
     summary = result.summary

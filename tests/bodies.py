@@ -11,15 +11,16 @@ import pytest
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from taichi_disk.computation.driver import Driver
-from taichi_disk.computation.outcome import compute
-from taichi_disk.computation.stability import spectrum
-from taichi_disk.computation.step_control import StepControl
-from taichi_disk.fields import Triangles
-from taichi_disk.integrators import Integrator
-from taichi_disk.lattice import Lattice, with_wall
-from taichi_disk.lattice.lattice import double_area, polygon_area
-from taichi_disk.physics import (
+from taichi_disk.experiments.computation.driver import Driver
+from taichi_disk.experiments.computation.outcome import compute
+from taichi_disk.experiments.computation.stability import spectrum
+from taichi_disk.experiments.computation.step_control import StepControl
+from taichi_disk.experiments.scenes import load_scene
+from taichi_disk.mechanics.fields import Triangles
+from taichi_disk.mechanics.integrators import Integrator
+from taichi_disk.mechanics.lattice import Lattice, with_wall
+from taichi_disk.mechanics.lattice.lattice import double_area, polygon_area
+from taichi_disk.mechanics.physics import (
     ElasticWall,
     ExponentialWall,
     Load,
@@ -29,9 +30,8 @@ from taichi_disk.physics import (
     ResetBoundary,
     Springs,
 )
-from taichi_disk.render.painter import Painter
-from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.observables import as_columns
+from taichi_disk.mechanics.simulation.observables import as_columns
+from taichi_disk.pictures.render.painter import Painter
 
 A = 300.0
 V0 = 150.0

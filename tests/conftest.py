@@ -61,8 +61,8 @@ def pytest_make_parametrize_id(val, argname):
 def kernels():
     """Return the KernelCache of this process, because compiling takes most of the
     tests' time."""
-    from taichi_disk import runtime
-    from taichi_disk.simulation.simulation import shared_kernels
+    from taichi_disk.base import runtime
+    from taichi_disk.mechanics.simulation.simulation import shared_kernels
 
     runtime.start()
     return shared_kernels()
@@ -86,8 +86,8 @@ def notices(caplog):
 @pytest.fixture
 def playlist():
     """Return a list of three small scenes."""
-    from taichi_disk.scenes import load_scene
-    from taichi_disk.window.controls import Preset
+    from taichi_disk.experiments.scenes import load_scene
+    from taichi_disk.sandbox.controls import Preset
 
     throw = ["lattice.points=120", "impact.velocity=0.05"]
     scenes = {

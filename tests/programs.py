@@ -10,8 +10,8 @@ import zlib
 import numpy as np
 from PIL import Image
 
-from taichi_disk.errors import NoPictures
-from taichi_disk.render.artist import Artist
+from taichi_disk.base.errors import NoPictures
+from taichi_disk.pictures.render.artist import Artist
 
 
 def python(*words, **options):

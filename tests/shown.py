@@ -21,9 +21,9 @@ from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
-from taichi_disk.output.panel import ON_DARK
-from taichi_disk.render.palette import THEMES
-from taichi_disk.simulation.observables import COLUMNS
+from taichi_disk.mechanics.simulation.observables import COLUMNS
+from taichi_disk.pictures.panel import ON_DARK
+from taichi_disk.pictures.render.palette import THEMES
 
 LOOKS = Path(__file__).with_name("looks")
 DIGITS = str.maketrans("123456789", "000000000")

@@ -5,7 +5,7 @@ import re
 import tempfile
 from pathlib import Path
 
-from taichi_disk.web.drawing import DRAWING, FILM, bundle, source
+from taichi_disk.pictures.web.drawing import DRAWING, FILM, bundle, source
 from tests.browser import Browser
 
 FOLDER = Path(__file__).with_name("stage")

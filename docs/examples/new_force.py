@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk import load_scene, runtime
-from taichi_disk.computation.outcome import compute
-from taichi_disk.engine import ti
-from taichi_disk.lattice import Array, Lattice
-from taichi_disk.physics import BodyForce
+from taichi_disk import load_scene
+from taichi_disk.base import runtime
+from taichi_disk.base.engine import ti
+from taichi_disk.experiments.computation.outcome import compute
+from taichi_disk.mechanics.lattice import Array, Lattice
+from taichi_disk.mechanics.physics import BodyForce
 
 
 @ti.data_oriented

@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk import load_scene, runtime
-from taichi_disk.integrators import Integrator
-from taichi_disk.simulation.simulation import Simulation
+from taichi_disk import load_scene
+from taichi_disk.base import runtime
+from taichi_disk.mechanics.integrators import Integrator
+from taichi_disk.mechanics.simulation.simulation import Simulation
 
 THETA = 1.0 / (2.0 - 2.0 ** (1.0 / 3.0))
 FOREST_RUTH = Integrator(

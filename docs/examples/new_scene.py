@@ -13,11 +13,11 @@ from typing import Any, Literal
 import numpy as np
 
 from taichi_disk import Lattice, load_scene, run
-from taichi_disk.computation.scenario import Array, Columns, Scenario, Words
-from taichi_disk.config.sections import Section, key
-from taichi_disk.physics import Model
-from taichi_disk.scenes import SCENES
-from taichi_disk.scenes.scene import DiskScene
+from taichi_disk.experiments.computation.scenario import Array, Columns, Scenario, Words
+from taichi_disk.experiments.config.sections import Section, key
+from taichi_disk.experiments.scenes import SCENES
+from taichi_disk.experiments.scenes.scene import DiskScene
+from taichi_disk.mechanics.physics import Model
 
 
 class StretchSection(Section):

@@ -7,7 +7,7 @@ python docs/examples/ring.py
 from math import pi
 
 from taichi_disk import load_scene, run
-from taichi_disk.lattice import bulk_moduli
+from taichi_disk.mechanics.lattice import bulk_moduli
 
 LOAD, POINTS = 1e-6, 2000  # [M c^2/R], so small that the ring deforms linearly
 

@@ -18,7 +18,7 @@ from scipy.sparse import identity
 from scipy.sparse.linalg import splu
 
 from taichi_disk import load_scene
-from taichi_disk.lattice.network import laplacian
+from taichi_disk.mechanics.lattice.network import laplacian
 
 
 def contact_viscosity(points: int, seed: int, a: float) -> float:

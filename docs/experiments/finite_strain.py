@@ -31,7 +31,7 @@ from skfem import (
 )
 from skfem.helpers import ddot, grad
 
-from taichi_disk.scenes.compression import exact_compression
+from taichi_disk.experiments.scenes.compression import exact_compression
 
 Array = NDArray[np.float64]
 

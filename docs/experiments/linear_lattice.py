@@ -14,7 +14,7 @@ import numpy as np
 from scipy.sparse import csr_matrix, diags
 from scipy.sparse.linalg import eigsh
 
-from taichi_disk.lattice import Lattice
+from taichi_disk.mechanics.lattice import Lattice
 
 
 def restitution(points: int, seed: int, velocity: float, a: float = 3000.0) -> float:

@@ -29,15 +29,16 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk import Lattice, Scene, load_scene, runtime
+from taichi_disk import Lattice, Scene, load_scene
+from taichi_disk.base import runtime
 
 runtime.start()
 
-from taichi_disk.computation.driver import Driver  # noqa: E402
-from taichi_disk.computation.scenario import Scenario  # noqa: E402
-from taichi_disk.computation.stability import TimeStep, spectrum  # noqa: E402
-from taichi_disk.computation.step_control import StepControl  # noqa: E402
-from taichi_disk.simulation.simulation import shared_kernels  # noqa: E402
+from taichi_disk.experiments.computation.driver import Driver  # noqa: E402
+from taichi_disk.experiments.computation.scenario import Scenario  # noqa: E402
+from taichi_disk.experiments.computation.stability import TimeStep, spectrum  # noqa: E402
+from taichi_disk.experiments.computation.step_control import StepControl  # noqa: E402
+from taichi_disk.mechanics.simulation.simulation import shared_kernels  # noqa: E402
 
 SCENE = Path(__file__).with_suffix(".yaml")
 WALLS = (10.0, 1.0, 0.1, 0.02)  # k_a of the wall [M c^2/R^2]; the disk has 1

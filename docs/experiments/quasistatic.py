@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from scipy.integrate import solve_ivp
 
-from taichi_disk.lattice import Array
+from taichi_disk.mechanics.lattice import Array
 
 
 class QuasistaticImpact(NamedTuple):

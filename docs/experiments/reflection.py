@@ -15,22 +15,22 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_disk import runtime
+from taichi_disk.base import runtime
 
 runtime.start()
 
-from taichi_disk.computation.stability import spectrum, step_limit  # noqa: E402
-from taichi_disk.integrators import VELOCITY_VERLET  # noqa: E402
-from taichi_disk.lattice import Lattice, Moduli, bulk_moduli, with_wall  # noqa: E402
-from taichi_disk.physics import (  # noqa: E402
+from taichi_disk.experiments.computation.stability import spectrum, step_limit  # noqa: E402
+from taichi_disk.mechanics.integrators import VELOCITY_VERLET  # noqa: E402
+from taichi_disk.mechanics.lattice import Lattice, Moduli, bulk_moduli, with_wall  # noqa: E402
+from taichi_disk.mechanics.physics import (  # noqa: E402
     ElasticWall,
     MatchedBoundary,
     Model,
     Springs,
     matched_impedance,
 )
-from taichi_disk.simulation.observables import INDEX  # noqa: E402
-from taichi_disk.simulation.simulation import Simulation  # noqa: E402
+from taichi_disk.mechanics.simulation.observables import INDEX  # noqa: E402
+from taichi_disk.mechanics.simulation.simulation import Simulation  # noqa: E402
 
 WIDTH = 2.0  # width of the slab [R]
 RIGID = 1e6  # dashpots that hold a point fast [M c/R]

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taichi_disk.lattice.network import bulk_moduli, rectangle, stretch
+from taichi_disk.mechanics.lattice.network import bulk_moduli, rectangle, stretch
 
 SEEDS, LENGTH, WIDTH = 8, 0.9, 3.6
 

@@ -18,9 +18,12 @@ from disk_modes import YOUNG as YOUNG_OF_FINE_LATTICES
 from disk_modes import Disk
 from quasistatic import quasistatic_impact
 
-from taichi_disk.api.lattices import half_width_95
-from taichi_disk.figures import theory
-from taichi_disk.scenes.compression import exact_compression, paper_compression
+from taichi_disk.experiments.scenes.compression import (
+    exact_compression,
+    paper_compression,
+)
+from taichi_disk.runs.api.lattices import half_width_95
+from taichi_disk.studies.figures import theory
 
 YOUNG = 1.107  # mean of 32 lattices of 1099 points [M c^2/R^2]
 # tau0 of a pressed contact per unit of eta*, by the number of points [R/c], from

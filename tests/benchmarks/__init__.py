@@ -7,6 +7,6 @@
 Compare times of one call, because machines differ and are disturbed.
 """
 
-from taichi_disk.engine import environment
+from taichi_disk.base.engine import environment
 
 environment.prepare()  # before Taichi is imported

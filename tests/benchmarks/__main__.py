@@ -6,9 +6,9 @@ import argparse
 import os
 from pathlib import Path
 
-from taichi_disk import runtime
-from taichi_disk.machine import processor
-from taichi_disk.output.files import versions
+from taichi_disk.base import runtime
+from taichi_disk.base.files import versions
+from taichi_disk.base.machine import processor
 
 from . import kernel, page, precision
 

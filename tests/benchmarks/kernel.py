@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from time import thread_time
 
-from taichi_disk.computation.outcome import compute
-from taichi_disk.engine import ti
-from taichi_disk.integrators import INTEGRATORS
-from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.simulation import KernelCache
+from taichi_disk.base.engine import ti
+from taichi_disk.experiments.computation.outcome import compute
+from taichi_disk.experiments.scenes import load_scene
+from taichi_disk.mechanics.integrators import INTEGRATORS
+from taichi_disk.mechanics.simulation.simulation import KernelCache
 
 SCENES = {
     "wall": "exponential_wall material.eta_star=0",

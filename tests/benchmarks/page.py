@@ -30,13 +30,13 @@ def page(settings):
 def states(scene, settings):
     """Return the server's processor time for a state without the computation [s], and
     the bytes of a state."""
-    from taichi_disk import runtime
+    from taichi_disk.base import runtime
 
     runtime.start()
-    from taichi_disk.scenes import load_scene
-    from taichi_disk.simulation.simulation import KernelCache
-    from taichi_disk.window.app import list_presets
-    from taichi_disk.window.session import Session
+    from taichi_disk.experiments.scenes import load_scene
+    from taichi_disk.mechanics.simulation.simulation import KernelCache
+    from taichi_disk.sandbox.app import list_presets
+    from taichi_disk.sandbox.session import Session
 
     presets = list_presets(load_scene(scene, settings))
     session = Session(presets, KernelCache())

@@ -23,7 +23,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from taichi_disk.scenes import load_scene
+from taichi_disk.experiments.scenes import load_scene
 
 # SciPy's implicit solvers take up to a minute for an impact of 1,099 points: they
 # compute only the timed impacts, once.
@@ -133,7 +133,7 @@ def jacobian_of(start):
     n, 4 n)."""
     from scipy.sparse import block_array, csc_array, diags_array, eye_array, kron
 
-    from taichi_disk.lattice.network import laplacian, network_stiffness
+    from taichi_disk.mechanics.lattice.network import laplacian, network_stiffness
 
     lattice = start.lattice
     springs = start.model.springs

@@ -26,12 +26,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from taichi_disk import run
-from taichi_disk.computation.outcome import compute
-from taichi_disk.figures.drawing import log_if_wide
-from taichi_disk.output.plot import matplotlib_style
-from taichi_disk.scenes import load_scene
-from taichi_disk.scenes.setup import outcome_of
-from taichi_disk.simulation.observables import BLUE, GREEN, ORANGE, PINK, RED
+from taichi_disk.experiments.computation.outcome import compute
+from taichi_disk.experiments.scenes import load_scene
+from taichi_disk.experiments.scenes.setup import outcome_of
+from taichi_disk.mechanics.simulation.observables import BLUE, GREEN, ORANGE, PINK, RED
+from taichi_disk.pictures.plot import matplotlib_style
+from taichi_disk.studies.figures.drawing import log_if_wide
 
 from .peers import SLOW, dop853, restitution, seconds_of, start_of
 

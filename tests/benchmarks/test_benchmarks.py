@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from taichi_disk import runtime
+from taichi_disk.base import runtime
 
 from . import kernel, precision
 

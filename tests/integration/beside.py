@@ -12,7 +12,7 @@ import sys
 import numpy as np
 
 from taichi_disk import run
-from taichi_disk.engine import ti
+from taichi_disk.base.engine import ti
 
 INIT = {
     "exact": {"default_fp": ti.f64, "fast_math": False},

@@ -67,5 +67,5 @@ def served(tmp_path: Path) -> Iterator[Served]:
 @pytest.fixture
 def without_plots(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave plot.png empty: to draw it takes longer than most runs of the tests."""
-    draw = "taichi_disk.api.work.plot_run"
+    draw = "taichi_disk.runs.api.work.plot_run"
     monkeypatch.setattr(draw, lambda path, *_: path.touch())

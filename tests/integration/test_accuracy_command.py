@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from taichi_disk import load_scene, run
-from taichi_disk.accuracy import steps, study
 from taichi_disk.cli import main
+from taichi_disk.studies.accuracy import steps, study
 
 
 def accuracy(out: Path, scene: str, *settings: str) -> int:

@@ -9,8 +9,8 @@ import pytest
 from programs import command, printed_by
 
 from taichi_disk import load_scene
-from taichi_disk.engine import environment
-from taichi_disk.errors import InputError
+from taichi_disk.base.engine import environment
+from taichi_disk.base.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 # Every Python with this file in its path, including workers and the process that draws

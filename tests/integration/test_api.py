@@ -14,10 +14,10 @@ from programs import contents, printed_by, python, summary_in
 
 import taichi_disk
 from taichi_disk import Lattice, Result, load_scene, load_sweep, run, run_sweep
-from taichi_disk.computation.diagnostics import BlowUp
-from taichi_disk.errors import InputError
-from taichi_disk.lattice import OwnStart
-from taichi_disk.machine import cores
+from taichi_disk.base.errors import InputError
+from taichi_disk.base.machine import cores
+from taichi_disk.experiments.computation.diagnostics import BlowUp
+from taichi_disk.mechanics.lattice import OwnStart
 
 pytestmark = pytest.mark.usefixtures("without_plots")
 SMALL = {"lattice.points": 60, "material.eta_star": 0}
@@ -285,7 +285,7 @@ def test_threads_may_be_the_first_that_compute_in_a_process():
 
 ONE_NUMBER = """
 from taichi_disk import load_scene, run
-from taichi_disk.errors import InputError
+from taichi_disk.base.errors import InputError
 scene = load_scene("exponential_wall").with_(points=20)
 try:
     first = run(scene, threads=-1, lattices=1)
@@ -319,7 +319,7 @@ def test_threads_are_a_whole_number_up_to_the_cores(threads):
 @pytest.mark.validate
 def test_the_environment_says_how_many_threads_where_nobody_else_does(number):
     code = (
-        "from taichi_disk import engine, runtime; runtime.start();"
+        "from taichi_disk.base import engine, runtime; runtime.start();"
         " print(engine.ti.cfg.cpu_max_num_threads)"
     )
     done = python("-c", code, env=os.environ | {"TAICHI_DISK_THREADS": number})

@@ -13,10 +13,10 @@ import pytest
 from programs import command, python, summary_in
 
 from taichi_disk import __version__
+from taichi_disk.base.errors import InputError, SimulationError
 from taichi_disk.cli import main
-from taichi_disk.config import tree
-from taichi_disk.errors import InputError, SimulationError
-from taichi_disk.scenes import load_scene
+from taichi_disk.experiments.config import tree
+from taichi_disk.experiments.scenes import load_scene
 
 SMALL = ("lattice.points=60", "material.eta_star=0")
 WILD = (*SMALL, "time.dt=0.22")  # 1.5 times the limit
@@ -64,7 +64,7 @@ def test_a_run_goes_into_out_and_the_name_of_the_scene_unless_a_folder_is_named(
         calls.append((str(out), count_on, overwrite))
         raise InputError("enough")
 
-    monkeypatch.setattr("taichi_disk.api.run", run)
+    monkeypatch.setattr("taichi_disk.runs.api.run", run)
     monkeypatch.setenv("HOME", "/home/me")
     for words in ((), ("--out", "o", "--overwrite"), ("--out=~/o",)):
         assert main(["run", "exponential_wall", *words]) == 2
@@ -170,7 +170,7 @@ def test_each_kind_of_failure_has_its_exit_status_and_one_message(
     def fail(*_: object, **__: object) -> None:
         raise failure
 
-    monkeypatch.setattr("taichi_disk.api.run", fail)
+    monkeypatch.setattr("taichi_disk.runs.api.run", fail)
     assert main(["run", "exponential_wall"]) == status
     assert capsys.readouterr() == ("", message)
 
@@ -236,7 +236,7 @@ def test_check_and_help_load_nothing_that_is_slow():
     # machine.
     code = """
 import sys
-import taichi_disk.runtime  # as the entry point does
+import taichi_disk.base.runtime  # as the entry point does
 from taichi_disk.cli import main
 SLOW = {"taichi", "taichi_forge", "scipy", "matplotlib", "rich", "imageio", "av", "PIL"}
 checks = [["check", name] for name in ("exponential_wall", "figure3", "no-such-scene")]
@@ -248,7 +248,7 @@ for words in ["--help"], *checks:
     slow = SLOW & set(sys.modules)
     if slow or words == ["--help"] and "numpy" in sys.modules:
         sys.exit(f"{words} loaded {slow or 'numpy'}")
-import taichi_disk.render.palette  # names and colours of curves
+import taichi_disk.pictures.render.palette  # names and colours of curves
 if "matplotlib" in sys.modules:
     sys.exit("the colours of pictures loaded Matplotlib")
 """
@@ -367,7 +367,7 @@ def test_too_little_memory_is_reported_in_a_sentence(tmp_path):
 def test_a_broken_cache_of_kernels_takes_no_printed_result_with_it():
     code = (
         "from types import SimpleNamespace; import os\n"
-        "from taichi_disk import engine, runtime\n"
+        "from taichi_disk.base import engine, runtime\n"
         "engine.loaded = lambda: SimpleNamespace(reset=os.abort)\n"
         "print('restitution')\n"
         "runtime.leave(0)"
@@ -387,7 +387,9 @@ def test_whatever_lies_among_the_shipped_scenes_ends_no_command(
     (folder / "folder.yaml").mkdir()
     (folder / "link.yaml").symlink_to("nowhere")
     os.mkfifo(folder / "pipe.yaml")
-    monkeypatch.setattr(tree, "__file__", str(tmp_path / "package/config/tree.py"))
+    monkeypatch.setattr(
+        tree, "__file__", str(tmp_path / "package/experiments/config/tree.py")
+    )
     for words in (["--version"], ["run", "--help"]):
         assert leave(words) == 0
     assert "shipped scene: 50%s, latin\n" in capsys.readouterr().out

@@ -79,7 +79,7 @@ def test_python_blocks_run_from_top_to_bottom(name, tmp_path):
 @every_page
 def test_commands_are_accepted(page, monkeypatch):
     from taichi_disk.cli import _parser
-    from taichi_disk.scenes import check_feasible, load_any, shipped_scenes
+    from taichi_disk.experiments.scenes import check_feasible, load_any, shipped_scenes
 
     monkeypatch.chdir(ROOT)
     for _, words in commands(page):
@@ -157,7 +157,7 @@ def test_every_number_of_a_table_is_in_the_data_named_below_it(name):
 
 def test_the_docstrings_of_the_reference_say_what_every_argument_is():
     from taichi_disk import Lattice, Result, load_scene, run, run_sweep
-    from taichi_disk.fields import field
+    from taichi_disk.mechanics.fields import field
 
     names = ("state", "trajectory", "field", "export", "film", "save", "load")
     methods = [getattr(Result, name) for name in names]

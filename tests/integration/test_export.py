@@ -10,12 +10,12 @@ import pytest
 from bodies import computed, non_uniform
 
 from taichi_disk import load_scene
-from taichi_disk.errors import InputError, SimulationError
-from taichi_disk.fields import Triangles, point_stress
-from taichi_disk.lattice import Lattice, with_wall
-from taichi_disk.output import export
-from taichi_disk.output.export import check_export, export_run
-from taichi_disk.physics import ElasticWall, Model, Springs
+from taichi_disk.base.errors import InputError, SimulationError
+from taichi_disk.mechanics.fields import Triangles, point_stress
+from taichi_disk.mechanics.lattice import Lattice, with_wall
+from taichi_disk.mechanics.physics import ElasticWall, Model, Springs
+from taichi_disk.runs.output import export
+from taichi_disk.runs.output.export import check_export, export_run
 
 TIMES = np.array([0.0, 0.5, 1.0])
 SINGLE = {"rtol": 1e-6, "atol": 1e-7}

@@ -19,16 +19,20 @@ import pytest
 from PIL import Image
 from programs import durations_of, film_problem, packed, printed_by, python
 
-from taichi_disk import api, engine, load_scene, runtime
-from taichi_disk.computation.contact import contact_interval, greatest_compression
-from taichi_disk.computation.outcome import compute
-from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
-from taichi_disk.fields import Triangles, at_points
-from taichi_disk.progress import silent
-from taichi_disk.render import shaders
-from taichi_disk.render.artist import Artist, drawing_process
-from taichi_disk.render.film import draw_film, storyboard
-from taichi_disk.render.moments import (
+from taichi_disk import load_scene
+from taichi_disk.base import engine, runtime
+from taichi_disk.base.errors import InputError, SimulationError, TaichiDiskError
+from taichi_disk.base.progress import silent
+from taichi_disk.experiments.computation.contact import (
+    contact_interval,
+    greatest_compression,
+)
+from taichi_disk.experiments.computation.outcome import compute
+from taichi_disk.mechanics.fields import Triangles, at_points
+from taichi_disk.pictures.render import shaders
+from taichi_disk.pictures.render.artist import Artist, drawing_process
+from taichi_disk.pictures.render.film import draw_film, storyboard
+from taichi_disk.pictures.render.moments import (
     Caption,
     Span,
     captions,
@@ -36,8 +40,9 @@ from taichi_disk.render.moments import (
     time_of,
     titles,
 )
-from taichi_disk.render.palette import THEMES
-from taichi_disk.web.film import write_page
+from taichi_disk.pictures.render.palette import THEMES
+from taichi_disk.pictures.web.film import write_page
+from taichi_disk.runs import api
 
 needs_vulkan = pytest.mark.skipif(
     film_problem() is not None, reason=str(film_problem())
@@ -199,7 +204,7 @@ def test_a_gif_is_small_unless_its_size_is_given_and_as_fast_as_browsers_show(
 ENCODE = """
 import sys, numpy as np
 from pathlib import Path
-from taichi_disk.render.video import video
+from taichi_disk.pictures.render.video import video
 path, (rows, columns) = Path(sys.argv[1]), np.mgrid[:240, :240]
 with video(path, path.suffix, (240, 240), 10, "") as append:
     for k in range(10):
@@ -290,7 +295,7 @@ def test_the_film_holds_at_the_greatest_compression_and_ends_with_the_result(
 def test_a_page_with_few_states_of_many_points_says_its_own_pace(
     run, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr("taichi_disk.web.film._STATES", 1)
+    monkeypatch.setattr("taichi_disk.pictures.web.film._STATES", 1)
     words = words_of(tmp_path / "film", run, seconds=8)
     assert len(words) == 40  # in the place of 80
     moving = list({one.t: one.pace for one in words if one.pace != [""]}.values())
@@ -480,7 +485,7 @@ def test_a_vulkan_that_does_not_work_is_reported(run, tmp_path, monkeypatch):
     def broken(*_, **__):
         raise RuntimeError("device lost")
 
-    monkeypatch.setattr("taichi_disk.render.offscreen.Window", broken)
+    monkeypatch.setattr("taichi_disk.pictures.render.offscreen.Window", broken)
     with pytest.raises(TaichiDiskError, match=r"Vulkan cannot draw .* device lost"):
         film(tmp_path / "film.mp4", [run])
     assert not list(tmp_path.iterdir())
@@ -490,7 +495,9 @@ def test_without_vulkan_the_message_names_the_remedy(tmp_path):
     variables = ("VK_ICD_FILENAMES", "VK_DRIVER_FILES")
     nowhere = os.environ | dict.fromkeys(variables, "/nonexistent")
     nowhere["PYTHONPATH"] = str(Path(__file__).parents[2])
-    code = "from taichi_disk.render.artist import Artist; Artist().require_film()"
+    code = (
+        "from taichi_disk.pictures.render.artist import Artist; Artist().require_film()"
+    )
     done = python("-c", code, cwd=tmp_path, env=nowhere)
     assert "NoPictures: " in done.stderr
     assert "no Vulkan driver" in done.stderr or "cannot be loaded" in done.stderr

@@ -17,13 +17,13 @@ import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 
-from taichi_disk.errors import InputError
-from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.simulation import KernelCache
-from taichi_disk.window import server
-from taichi_disk.window.controls import Preset
-from taichi_disk.window.server import Sessions
-from taichi_disk.window.session import MAX_BYTES
+from taichi_disk.base.errors import InputError
+from taichi_disk.experiments.scenes import load_scene
+from taichi_disk.mechanics.simulation.simulation import KernelCache
+from taichi_disk.sandbox import server
+from taichi_disk.sandbox.controls import Preset
+from taichi_disk.sandbox.server import Sessions
+from taichi_disk.sandbox.session import MAX_BYTES
 
 SETTINGS = ["lattice.points=60", "impact.velocity=0.05", "material.eta_star=1"]
 PLAYLIST = [

@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 from programs import packed
 
-from taichi_disk import api, load_scene
+from taichi_disk import load_scene
 from taichi_disk.cli import main
-from taichi_disk.computation.contact import greatest_compression
-from taichi_disk.fields import QUANTITIES, Triangles, at_points
-from taichi_disk.render import artist
-from taichi_disk.web.drawing import FILM, bundle
+from taichi_disk.experiments.computation.contact import greatest_compression
+from taichi_disk.mechanics.fields import QUANTITIES, Triangles, at_points
+from taichi_disk.pictures.render import artist
+from taichi_disk.pictures.web.drawing import FILM, bundle
+from taichi_disk.runs import api
 from tests.browser import Browser
 
 
@@ -131,7 +132,7 @@ def test_240_states_of_1099_points_take_less_than_3_mb(tmp_path):
 @pytest.mark.validate
 def test_a_film_needs_no_vulkan(tmp_path, monkeypatch):
     monkeypatch.setattr(
-        "taichi_disk.render.artist.Artist.require_film",
+        "taichi_disk.pictures.render.artist.Artist.require_film",
         lambda artist: pytest.fail("Vulkan was asked for"),
     )
     scene = load_scene(

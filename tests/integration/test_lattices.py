@@ -10,8 +10,8 @@ import pytest
 from scipy.stats import sem, t
 
 from taichi_disk import Lattice, load_scene, load_sweep, run, run_sweep
-from taichi_disk.api import lattices
-from taichi_disk.errors import InputError, SimulationError
+from taichi_disk.base.errors import InputError, SimulationError
+from taichi_disk.runs.api import lattices
 
 SMALL = {"lattice.points": 60, "lattice.seed": 3, "material.viscosity": 0.0091}
 SCENE = load_scene("exponential_wall").with_(SMALL)

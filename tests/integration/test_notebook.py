@@ -11,8 +11,8 @@ import pytest
 from programs import film_problem
 
 from taichi_disk import load_sweep, run, run_sweep
-from taichi_disk.errors import InputError, TaichiDiskError
-from taichi_disk.progress import reported
+from taichi_disk.base.errors import InputError, TaichiDiskError
+from taichi_disk.base.progress import reported
 
 ROOT = Path(__file__).parents[2]
 
@@ -103,7 +103,7 @@ def test_long_work_shows_a_bar_by_itself_in_a_notebook_which_goes_at_the_end(
     told: list[Any] = []
     monkeypatch.setattr(builtins, "get_ipython", ZMQInteractiveShell, raising=False)
     monkeypatch.setattr("IPython.display.display", lambda shown, display_id: Handle())
-    monkeypatch.setattr("taichi_disk.progress.BAR_INTERVAL", 0.0)
+    monkeypatch.setattr("taichi_disk.base.progress.BAR_INTERVAL", 0.0)
 
     @reported
     def work(progress: Any = None) -> None:
@@ -112,7 +112,7 @@ def test_long_work_shows_a_bar_by_itself_in_a_notebook_which_goes_at_the_end(
 
     work()
     assert not told  # too soon
-    monkeypatch.setattr("taichi_disk.progress.BAR_DELAY", 0.0)
+    monkeypatch.setattr("taichi_disk.base.progress.BAR_DELAY", 0.0)
     with pytest.raises(InputError, match="progress: must be a function"):
         work(3)
     work(lambda stage, done, total: None)

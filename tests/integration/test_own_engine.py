@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from programs import printed_by, python
 
-from taichi_disk.engine import environment
+from taichi_disk.base.engine import environment
 
 ROOT = Path(__file__).parents[2]
 SMALL = (
@@ -17,7 +17,7 @@ SMALL = (
 )
 AFTER = f"""
 from taichi_disk import run
-from taichi_disk.engine import ti
+from taichi_disk.base.engine import ti
 
 result = run({SMALL}, lattices=1)
 before = result.state(1.0)
@@ -47,15 +47,15 @@ with ProcessPoolExecutor(1, get_context("fork")) as pool:
 """
 OTHER_ARCH = f"""
 from taichi_disk import run
-from taichi_disk.engine import ti
+from taichi_disk.base.engine import ti
 
 ti.init(arch=ti.vulkan)
 run({SMALL}, lattices=1)
 """
 RUN = ("-m", "taichi_disk", "run", "exponential_wall", "--no-video", "--lattices=1")
 SLEEP = """
-import taichi_disk.physics, time
-from taichi_disk.engine import ti
+import taichi_disk.mechanics.physics, time
+from taichi_disk.base.engine import ti
 ti.init()
 time.sleep(0.3)
 """

@@ -9,11 +9,12 @@ from typing import Any
 
 import pytest
 
-from taichi_disk import load_scene, runtime
-from taichi_disk.simulation.simulation import shared_kernels
-from taichi_disk.window import server
-from taichi_disk.window.app import list_presets
-from taichi_disk.window.history import Timeline, start_of
+from taichi_disk import load_scene
+from taichi_disk.base import runtime
+from taichi_disk.mechanics.simulation.simulation import shared_kernels
+from taichi_disk.sandbox import server
+from taichi_disk.sandbox.app import list_presets
+from taichi_disk.sandbox.history import Timeline, start_of
 from tests.browser import SETTINGS, Browser
 
 
@@ -179,7 +180,7 @@ return [...document.querySelectorAll("nav button")].filter((one) =>
 
 
 def test_no_style_and_no_script_needs_what_chrome_109_lacks() -> None:
-    from taichi_disk.web.drawing import source
+    from taichi_disk.pictures.web.drawing import source
 
     names = "style.css film.css index.html film.html sandbox.js page.js graphs.js"
     for name in (*names.split(), "results.js", "film.js"):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from taichi_disk.window.session import read_command
+from taichi_disk.sandbox.session import read_command
 from tests.staged import PAGES, played
 
 LOOKS = Path(__file__).parents[1] / "looks"

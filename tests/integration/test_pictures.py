@@ -8,15 +8,15 @@ import pytest
 from bodies import shaken, to_pixels
 from programs import film_problem
 
-from taichi_disk import runtime
-from taichi_disk.engine import ti
-from taichi_disk.fields import QUANTITIES, Triangles, at_points
-from taichi_disk.lattice import Lattice
-from taichi_disk.physics import Springs
-from taichi_disk.render.finisher import shrunk
-from taichi_disk.render.geometry import Camera
-from taichi_disk.render.painter import Painter
-from taichi_disk.render.palette import THEMES, colour_map
+from taichi_disk.base import runtime
+from taichi_disk.base.engine import ti
+from taichi_disk.mechanics.fields import QUANTITIES, Triangles, at_points
+from taichi_disk.mechanics.lattice import Lattice
+from taichi_disk.mechanics.physics import Springs
+from taichi_disk.pictures.render.finisher import shrunk
+from taichi_disk.pictures.render.geometry import Camera
+from taichi_disk.pictures.render.painter import Painter
+from taichi_disk.pictures.render.palette import THEMES, colour_map
 
 pytestmark = pytest.mark.skipif(film_problem() is not None, reason=str(film_problem()))
 SIZE = 360

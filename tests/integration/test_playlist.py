@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from taichi_disk import api
-from taichi_disk.window.app import list_presets
+from taichi_disk.runs import api
+from taichi_disk.sandbox.app import list_presets
 
 PLAYLIST = {one.name: one for one in list_presets(None)}
 SMALL = {"lattice.points": 60}

@@ -16,11 +16,12 @@ import reference
 import yaml
 from programs import contents, python, summary_in
 
-from taichi_disk import Lattice, engine, load_scene, run
+from taichi_disk import Lattice, load_scene, run
+from taichi_disk.base import engine, files
 from taichi_disk.cli import main
-from taichi_disk.output import export, files
-from taichi_disk.physics import ElasticWall, MatchedBoundary, Model, Springs
-from taichi_disk.simulation.observables import COLUMNS
+from taichi_disk.mechanics.physics import ElasticWall, MatchedBoundary, Model, Springs
+from taichi_disk.mechanics.simulation.observables import COLUMNS
+from taichi_disk.runs.output import export
 
 SMALL = ("lattice.points=100", "time.safety=0.3")
 WALL = (*SMALL, "wall.points=120", "wall.width=3.2", "wall.boundary=dashpot")
@@ -191,8 +192,8 @@ def test_a_picture_that_fails_takes_no_result_with_it(tmp_path, monkeypatch):
     def fails(*_):
         raise RuntimeError("latex could not be found")
 
-    monkeypatch.setattr("taichi_disk.api.work.plot_run", fails)
-    monkeypatch.setattr("taichi_disk.render.film.draw_film", fails)
+    monkeypatch.setattr("taichi_disk.runs.api.work.plot_run", fails)
+    monkeypatch.setattr("taichi_disk.pictures.render.film.draw_film", fails)
     # the process that would draw the plot
     monkeypatch.setattr(sys, "executable", "/nowhere/python")
     result = run(load_scene("exponential_wall", SMALL), tmp_path / "o", lattices=1)
@@ -207,7 +208,7 @@ def test_a_picture_that_fails_takes_no_result_with_it(tmp_path, monkeypatch):
 KILLED = """
 import os, signal, sys
 from taichi_disk.cli import main
-from taichi_disk.render import film
+from taichi_disk.pictures.render import film
 film.draw_film = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
 main(sys.argv[1:])
 """
@@ -234,7 +235,7 @@ def test_a_run_is_printed_and_in_its_folder_before_its_film_begins(
 
     # what a killed process has not finished does not make the folder another's
     (out / ".host-1.new.video.mp4").touch()
-    monkeypatch.setattr("taichi_disk.render.film.draw_film", interrupted)
+    monkeypatch.setattr("taichi_disk.pictures.render.film.draw_film", interrupted)
     with pytest.raises(KeyboardInterrupt):
         run(load_scene("exponential_wall", SMALL), out, lattices=1)
     assert set(contents(out)) - {"plot.png"} == FILES

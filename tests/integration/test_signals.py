@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 from programs import python, summary_in
 
-from taichi_disk import engine
-from taichi_disk.signals import (
+from taichi_disk.base import engine
+from taichi_disk.base.signals import (
     ENDINGS,
     INTERRUPTED,
     REPEAT_TIME,
@@ -27,7 +27,7 @@ RUN = ["-m", "taichi_disk", "run", "exponential_wall", "--set=video.seconds=8"]
 COMMAND = [sys.executable, *RUN]
 FIRST_PICTURE = """
 import builtins, signal
-from taichi_disk.engine import ti
+from taichi_disk.base.engine import ti
 from taichi_disk import load_scene, run
 
 first = ti.ui.Window.get_image_buffer_as_numpy
@@ -54,7 +54,7 @@ except KeyboardInterrupt:
 """
 FROM_PYTHON = """
 from taichi_disk import run
-from taichi_disk.engine import ti
+from taichi_disk.base.engine import ti
 slow = {"lattice": {"points": 300}, "impact": {"velocity": 1e-4}}
 scene = {"scene": "exponential_wall"} | slow
 print("ready", flush=True)
@@ -81,7 +81,7 @@ process()
 """
 LISTENING = """
 import time
-from taichi_disk.signals import listen
+from taichi_disk.base.signals import listen
 listen()
 print("ready", flush=True)
 time.sleep(30.0)

@@ -9,7 +9,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from taichi_disk import run
-from taichi_disk.errors import InputError
+from taichi_disk.base.errors import InputError
 
 
 @pytest.fixture(scope="module")

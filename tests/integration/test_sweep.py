@@ -23,11 +23,12 @@ import pytest
 from filelock import FileLock
 from programs import summary_in
 
-from taichi_disk import Lattice, engine, load_scene, load_sweep, run, run_sweep
+from taichi_disk import Lattice, load_scene, load_sweep, run, run_sweep
+from taichi_disk.base import engine
+from taichi_disk.base.errors import InputError, SimulationError
 from taichi_disk.cli import main
-from taichi_disk.errors import InputError, SimulationError
-from taichi_disk.sweep import executors, work
-from taichi_disk.sweep.sweep import SweepResult
+from taichi_disk.studies.sweep import executors, work
+from taichi_disk.studies.sweep.sweep import SweepResult
 
 SMALL = """
 scene: exponential_wall
@@ -74,7 +75,9 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> SweepResult:
 def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw no figures, because a figure takes a second and the one of `small` is
     enough."""
-    monkeypatch.setattr("taichi_disk.figures.drawing.draw", lambda diagram, out: None)
+    monkeypatch.setattr(
+        "taichi_disk.studies.figures.drawing.draw", lambda diagram, out: None
+    )
 
 
 def values_at(rows: list[Any], name: str, **axes: float) -> list[float]:
@@ -156,7 +159,7 @@ def test_a_sweep_whose_figure_cannot_be_written_prints_its_fits(
     def fail(diagram: Any, out: Path) -> None:
         raise SimulationError("cannot write figure.png: No space left on device")
 
-    monkeypatch.setattr("taichi_disk.figures.drawing.draw", fail)
+    monkeypatch.setattr("taichi_disk.studies.figures.drawing.draw", fail)
     shutil.copytree(small.out / "points", tmp_path / "out" / "points")
     assert main(["sweep", scene, "--out", str(tmp_path / "out"), "--jobs", "1"]) == 1
     shown, notes = capsys.readouterr()

@@ -9,14 +9,14 @@ import pytest
 from bodies import FREE, disk, non_uniform, pressed, shaken
 from numpy.testing import assert_allclose
 
-from taichi_disk.computation.outcome import compute
-from taichi_disk.fields import Triangles, stress
-from taichi_disk.integrators import VELOCITY_VERLET
-from taichi_disk.lattice import Lattice, bulk_moduli
-from taichi_disk.output.files import write_lattice
-from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.observables import INDEX
-from taichi_disk.statics.equilibrium import solve_equilibrium
+from taichi_disk.experiments.computation.outcome import compute
+from taichi_disk.experiments.scenes import load_scene
+from taichi_disk.mechanics.fields import Triangles, stress
+from taichi_disk.mechanics.integrators import VELOCITY_VERLET
+from taichi_disk.mechanics.lattice import Lattice, bulk_moduli
+from taichi_disk.mechanics.simulation.observables import INDEX
+from taichi_disk.mechanics.statics.equilibrium import solve_equilibrium
+from taichi_disk.runs.output.arrays import write_lattice
 
 
 def test_observables_are_weighted_with_mass(kernels):

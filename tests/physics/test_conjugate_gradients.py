@@ -6,12 +6,12 @@ import pytest
 from bodies import bouncing, disk, moving_down, pressed
 from numpy.testing import assert_array_equal
 
-from taichi_disk import runtime
-from taichi_disk.integrators import TRAPEZOIDAL
-from taichi_disk.integrators.conjugate_gradients import IterativeSolver
-from taichi_disk.physics import ordering
-from taichi_disk.simulation import simulation
-from taichi_disk.simulation.observables import INDEX
+from taichi_disk.base import runtime
+from taichi_disk.mechanics.integrators import TRAPEZOIDAL
+from taichi_disk.mechanics.integrators.conjugate_gradients import IterativeSolver
+from taichi_disk.mechanics.physics import ordering
+from taichi_disk.mechanics.simulation import simulation
+from taichi_disk.mechanics.simulation.observables import INDEX
 
 LONG = pytest.mark.validate
 

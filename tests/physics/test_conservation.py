@@ -7,7 +7,7 @@ import pytest
 from bodies import FALLING, advance, damped, disk, shaken
 from numpy.testing import assert_allclose
 
-from taichi_disk.integrators import TRAPEZOIDAL, VELOCITY_VERLET
+from taichi_disk.mechanics.integrators import TRAPEZOIDAL, VELOCITY_VERLET
 
 
 def angular(mass, x, v):

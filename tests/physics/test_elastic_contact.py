@@ -11,9 +11,14 @@ from numpy.testing import assert_allclose
 from scipy.interpolate import BSpline
 from scipy.optimize import brentq
 
-from taichi_disk.integrators import VELOCITY_VERLET
-from taichi_disk.physics import Model, ResetBoundary, SmoothElasticWall, Springs
-from taichi_disk.simulation.observables import INDEX
+from taichi_disk.mechanics.integrators import VELOCITY_VERLET
+from taichi_disk.mechanics.physics import (
+    Model,
+    ResetBoundary,
+    SmoothElasticWall,
+    Springs,
+)
+from taichi_disk.mechanics.simulation.observables import INDEX
 
 # Almost no springs, so that only the contact acts.
 BARE = Model(Springs(1e-12, 1e-12), ELASTIC, boundary=ResetBoundary(1.0))

@@ -13,7 +13,7 @@ import pytest
 from bodies import SMALL, WALL, advance, bouncing, computed, driver_of
 from numpy.testing import assert_allclose
 
-from taichi_disk.integrators import TRAPEZOIDAL, VELOCITY_VERLET
+from taichi_disk.mechanics.integrators import TRAPEZOIDAL, VELOCITY_VERLET
 
 N = 60
 ENERGIES = ("kinetic", "elastic", "wall", "load", "dissipated", "absorbed", "sliding")

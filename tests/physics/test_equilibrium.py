@@ -10,13 +10,13 @@ import reference
 from bodies import SMALL, computed, disk, pressed
 from scipy.optimize import brentq, root
 
-from taichi_disk.computation.outcome import compute
-from taichi_disk.errors import SimulationError
-from taichi_disk.lattice import Lattice, bulk_moduli
-from taichi_disk.physics import ExponentialWall, Load, Model, Springs
-from taichi_disk.scenes import load_scene
-from taichi_disk.statics import equilibrium
-from taichi_disk.statics.equilibrium import (
+from taichi_disk.base.errors import SimulationError
+from taichi_disk.experiments.computation.outcome import compute
+from taichi_disk.experiments.scenes import load_scene
+from taichi_disk.mechanics.lattice import Lattice, bulk_moduli
+from taichi_disk.mechanics.physics import ExponentialWall, Load, Model, Springs
+from taichi_disk.mechanics.statics import equilibrium
+from taichi_disk.mechanics.statics.equilibrium import (
     place_on_wall,
     resting_angle,
     solve_equilibrium,

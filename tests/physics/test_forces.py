@@ -24,8 +24,8 @@ from bodies import (
 )
 from numpy.testing import assert_allclose
 
-from taichi_disk.integrators import TRAPEZOIDAL, VELOCITY_VERLET
-from taichi_disk.physics import (
+from taichi_disk.mechanics.integrators import TRAPEZOIDAL, VELOCITY_VERLET
+from taichi_disk.mechanics.physics import (
     ElasticWall,
     ExponentialWall,
     Model,
@@ -33,7 +33,7 @@ from taichi_disk.physics import (
     ResetBoundary,
     Springs,
 )
-from taichi_disk.simulation.observables import INDEX
+from taichi_disk.mechanics.simulation.observables import INDEX
 
 VV = VELOCITY_VERLET
 DISK = disk(height=0.03)

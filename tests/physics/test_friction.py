@@ -10,12 +10,16 @@ import pytest
 from bodies import advance, computed
 from numpy.testing import assert_allclose, assert_array_equal
 
-from taichi_disk.computation.diagnostics import energy_gained, summary, warnings
-from taichi_disk.computation.outcome import compute
-from taichi_disk.integrators import VELOCITY_VERLET
-from taichi_disk.lattice import Lattice
-from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.observables import INDEX, split
+from taichi_disk.experiments.computation.diagnostics import (
+    energy_gained,
+    summary,
+    warnings,
+)
+from taichi_disk.experiments.computation.outcome import compute
+from taichi_disk.experiments.scenes import load_scene
+from taichi_disk.mechanics.integrators import VELOCITY_VERLET
+from taichi_disk.mechanics.lattice import Lattice
+from taichi_disk.mechanics.simulation.observables import INDEX, split
 
 SMALL = ("lattice.points=60", "material.eta_star=0", "impact.velocity=0.05")
 SLIDING = (*SMALL, "impact.angle=1.2", "wall.friction=0.1")

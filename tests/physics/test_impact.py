@@ -9,10 +9,10 @@ import reference
 from bodies import SMALL, WALL, advance, computed
 from numpy.testing import assert_array_equal
 
-from taichi_disk.computation.outcome import compute
-from taichi_disk.integrators import INTEGRATORS
-from taichi_disk.lattice import OwnStart
-from taichi_disk.scenes import load_scene
+from taichi_disk.experiments.computation.outcome import compute
+from taichi_disk.experiments.scenes import load_scene
+from taichi_disk.mechanics.integrators import INTEGRATORS
+from taichi_disk.mechanics.lattice import OwnStart
 
 LONG = pytest.mark.validate
 # a corner of it hits again

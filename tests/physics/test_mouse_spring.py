@@ -6,9 +6,13 @@ import pytest
 import reference
 from bodies import FALLING, disk, non_uniform
 
-from taichi_disk.integrators import TAKAHASHI_IMADA, TRAPEZOIDAL, VELOCITY_VERLET
-from taichi_disk.physics import Model, MouseSpring, Springs
-from taichi_disk.simulation.observables import INDEX
+from taichi_disk.mechanics.integrators import (
+    TAKAHASHI_IMADA,
+    TRAPEZOIDAL,
+    VELOCITY_VERLET,
+)
+from taichi_disk.mechanics.physics import Model, MouseSpring, Springs
+from taichi_disk.mechanics.simulation.observables import INDEX
 
 MOUSE = MouseSpring(0.2, 0.02)
 POINT = 7

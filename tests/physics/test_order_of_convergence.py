@@ -14,8 +14,12 @@ import pytest
 import reference
 from bodies import FOUR_FORCES, RESET, V0, A, bouncing
 
-from taichi_disk.integrators import TAKAHASHI_IMADA, TRAPEZOIDAL, VELOCITY_VERLET
-from taichi_disk.physics import ExponentialWall
+from taichi_disk.mechanics.integrators import (
+    TAKAHASHI_IMADA,
+    TRAPEZOIDAL,
+    VELOCITY_VERLET,
+)
+from taichi_disk.mechanics.physics import ExponentialWall
 
 N = 40
 END = 1.92  # [R/c], during the contact

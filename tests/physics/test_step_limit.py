@@ -10,15 +10,15 @@ import reference
 from bodies import ELASTIC, FREE, RIGID, computed, disk, disk_and_wall, non_uniform
 from scipy.integrate import solve_ivp
 
-from taichi_disk.computation.stability import (
+from taichi_disk.experiments.computation.stability import (
     explicit_limit,
     impact_point_force,
     spectrum,
     step_limit,
 )
-from taichi_disk.computation.step_control import LIMIT_MARGIN
-from taichi_disk.integrators import INTEGRATORS, VELOCITY_VERLET
-from taichi_disk.physics import ExponentialWall, Model, Springs
+from taichi_disk.experiments.computation.step_control import LIMIT_MARGIN
+from taichi_disk.mechanics.integrators import INTEGRATORS, VELOCITY_VERLET
+from taichi_disk.mechanics.physics import ExponentialWall, Model, Springs
 
 
 def oscillator(integrator, angle):

@@ -4,10 +4,10 @@ in its contact."""
 import numpy as np
 import pytest
 
-from taichi_disk.fields import Triangles, stress
-from taichi_disk.lattice import Lattice, bulk_moduli
-from taichi_disk.physics import ExponentialWall, Load, Model, Springs
-from taichi_disk.statics.equilibrium import (
+from taichi_disk.mechanics.fields import Triangles, stress
+from taichi_disk.mechanics.lattice import Lattice, bulk_moduli
+from taichi_disk.mechanics.physics import ExponentialWall, Load, Model, Springs
+from taichi_disk.mechanics.statics.equilibrium import (
     place_on_wall,
     resting_angle,
     solve_equilibrium,

@@ -6,10 +6,10 @@ import pytest
 from bodies import advance, computed
 from reference import Model
 
-from taichi_disk.integrators import TRAPEZOIDAL
-from taichi_disk.lattice import Lattice
-from taichi_disk.physics import Model as Laws
-from taichi_disk.physics import Springs
+from taichi_disk.mechanics.integrators import TRAPEZOIDAL
+from taichi_disk.mechanics.lattice import Lattice
+from taichi_disk.mechanics.physics import Model as Laws
+from taichi_disk.mechanics.physics import Springs
 
 LONG = pytest.mark.validate
 

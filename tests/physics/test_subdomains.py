@@ -22,10 +22,14 @@ from bodies import (
 )
 from numpy.testing import assert_allclose, assert_array_equal
 
-from taichi_disk import runtime
-from taichi_disk.integrators import TAKAHASHI_IMADA, TRAPEZOIDAL, VELOCITY_VERLET
-from taichi_disk.physics import Model, ResetBoundary, Springs, ordering
-from taichi_disk.simulation.simulation import Simulation
+from taichi_disk.base import runtime
+from taichi_disk.mechanics.integrators import (
+    TAKAHASHI_IMADA,
+    TRAPEZOIDAL,
+    VELOCITY_VERLET,
+)
+from taichi_disk.mechanics.physics import Model, ResetBoundary, Springs, ordering
+from taichi_disk.mechanics.simulation.simulation import Simulation
 
 
 def test_subdomains_share_no_point_and_hold_every_spring_once(monkeypatch):

@@ -9,9 +9,9 @@ from bodies import FREE, SMALL, WALL, disk, non_uniform
 from scipy.special import jn_zeros
 
 from taichi_disk import Lattice, load_scene, run
-from taichi_disk.errors import InputError
-from taichi_disk.physics import Springs
-from taichi_disk.statics.modes import modes
+from taichi_disk.base.errors import InputError
+from taichi_disk.mechanics.physics import Springs
+from taichi_disk.mechanics.statics.modes import modes
 
 
 @pytest.fixture(scope="module")

@@ -8,10 +8,15 @@ import reference
 from bodies import ELASTIC, WALL, advance, disk_and_wall
 from numpy.testing import assert_allclose
 
-from taichi_disk.integrators import VELOCITY_VERLET
-from taichi_disk.lattice import bulk_moduli
-from taichi_disk.physics import Model, ResetBoundary, Springs, matched_impedance
-from taichi_disk.scenes import load_scene
+from taichi_disk.experiments.scenes import load_scene
+from taichi_disk.mechanics.integrators import VELOCITY_VERLET
+from taichi_disk.mechanics.lattice import bulk_moduli
+from taichi_disk.mechanics.physics import (
+    Model,
+    ResetBoundary,
+    Springs,
+    matched_impedance,
+)
 
 
 def test_the_scene_matches_its_dashpots_to_the_material_and_the_length_of_the_sides():

@@ -2,8 +2,8 @@
 
 import pytest
 
-from taichi_disk.errors import InputError
-from taichi_disk.window.app import list_folder
+from taichi_disk.base.errors import InputError
+from taichi_disk.sandbox.app import list_folder
 
 SCENE = "scene: exponential_wall\nlattice: {points: 60}\n"
 

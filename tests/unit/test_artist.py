@@ -12,10 +12,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from taichi_disk.errors import SimulationError
-from taichi_disk.processes.pool import Pool
-from taichi_disk.render.artist import Artist, shared_array
-from taichi_disk.signals import deferred_interrupts
+from taichi_disk.base.errors import SimulationError
+from taichi_disk.base.processes.pool import Pool
+from taichi_disk.base.signals import deferred_interrupts
+from taichi_disk.pictures.render.artist import Artist, shared_array
 
 # methods of an object that are functions of libraries, which another process finds
 WORKER = SimpleNamespace(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taichi_disk.computation.contact import contact_interval, results_time
+from taichi_disk.experiments.computation.contact import contact_interval, results_time
 
 T = np.linspace(0.0, 10.0, 101)
 # two contacts, from 2 to 3 and from 4 to 5

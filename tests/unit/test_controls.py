@@ -5,9 +5,9 @@ from itertools import pairwise
 
 import pytest
 
-from taichi_disk.scenes import load_scene
-from taichi_disk.window.controls import MIN_VISCOSITY, REPEATING_KEYS, Controls, Preset
-from taichi_disk.window.sandbox import Sandbox
+from taichi_disk.experiments.scenes import load_scene
+from taichi_disk.sandbox.controls import MIN_VISCOSITY, REPEATING_KEYS, Controls, Preset
+from taichi_disk.sandbox.sandbox import Sandbox
 
 
 @pytest.fixture
@@ -111,7 +111,7 @@ def test_a_typed_speed_above_c_is_refused_and_a_large_n_is_limited_with_a_word(
     assert "5 c" in sandbox.message
     controls.attempt(controls.set, "impact.velocity", 0.3)
     assert sandbox.scene.impact.velocity == 0.3
-    monkeypatch.setattr("taichi_disk.window.controls.MAX_POINTS", 150)
+    monkeypatch.setattr("taichi_disk.sandbox.controls.MAX_POINTS", 150)
     controls.attempt(controls.set, "lattice.points", 1e6)
     assert sandbox.scene.lattice.points == 150
     assert "150" in sandbox.message

@@ -10,13 +10,13 @@ from matplotlib.figure import Figure
 from scipy.stats import ttest_1samp
 
 from docs.experiments.quasistatic import quasistatic_impact
-from taichi_disk.figures import theory
-from taichi_disk.figures.curves import LAWS, analyse
-from taichi_disk.figures.drawing import FONT, curve_styles, draw, log_if_wide
-from taichi_disk.figures.texts import curve_rows
-from taichi_disk.output.plot import STYLE, matplotlib_style
-from taichi_disk.scenes import load_scene
-from taichi_disk.scenes.compression import paper_compression
+from taichi_disk.experiments.scenes import load_scene
+from taichi_disk.experiments.scenes.compression import paper_compression
+from taichi_disk.pictures.plot import STYLE, matplotlib_style
+from taichi_disk.studies.figures import theory
+from taichi_disk.studies.figures.curves import LAWS, analyse
+from taichi_disk.studies.figures.drawing import FONT, curve_styles, draw, log_if_wide
+from taichi_disk.studies.figures.texts import curve_rows
 
 V = np.geomspace(3e-3, 5e-2, 12)
 P = np.linspace(4e-3, 1e-2, 7)

@@ -11,10 +11,10 @@ import pytest
 from bodies import assert_tiles, changed, holes_of
 from scipy.spatial import cKDTree
 
-from taichi_disk.errors import InputError
-from taichi_disk.lattice import Lattice, files, with_wall
-from taichi_disk.lattice.own_start import OwnStart, own_start
-from taichi_disk.scenes import load_scene
+from taichi_disk.base.errors import InputError
+from taichi_disk.experiments.scenes import load_scene
+from taichi_disk.mechanics.lattice import Lattice, files, with_wall
+from taichi_disk.mechanics.lattice.own_start import OwnStart, own_start
 
 
 def square(half):

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from bodies import ELASTIC, RESET, disk_and_wall, driver_of
 
-from taichi_disk.computation.diagnostics import BlowUp, EnergyBalance
-from taichi_disk.integrators import VELOCITY_VERLET as VV
-from taichi_disk.physics import ElasticWall, Model, ResetBoundary, Springs
-from taichi_disk.simulation.observables import INDEX
+from taichi_disk.experiments.computation.diagnostics import BlowUp, EnergyBalance
+from taichi_disk.mechanics.integrators import VELOCITY_VERLET as VV
+from taichi_disk.mechanics.physics import ElasticWall, Model, ResetBoundary, Springs
+from taichi_disk.mechanics.simulation.observables import INDEX
 
 SMALL = ("exponential_wall", "lattice.points=80", "material.eta_star=0")
 # as in the shipped scene, so that no other kernel is compiled
@@ -73,7 +73,9 @@ def test_a_blow_up_at_a_forced_step_is_reported_with_the_last_good_state(kernels
 
 
 def test_a_number_that_is_not_finite_is_found_after_a_launch(kernels, monkeypatch):
-    monkeypatch.setattr("taichi_disk.computation.driver.SPRINGS_PER_LAUNCH", 20_000)
+    monkeypatch.setattr(
+        "taichi_disk.experiments.computation.driver.SPRINGS_PER_LAUNCH", 20_000
+    )
     driver = driver_of(kernels, *SMALL, "impact.gap=0.13", "time.dt=0.02")
     driver.advance(steps=500)  # to the middle of the impact
     snapshot = driver.simulation.snapshot()

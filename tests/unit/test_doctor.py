@@ -6,7 +6,8 @@ import sys
 
 import pytest
 
-from taichi_disk import doctor, engine
+from taichi_disk import doctor
+from taichi_disk.base import engine
 from taichi_disk.cli import main
 
 

@@ -8,9 +8,9 @@ import pytest
 from websockets.datastructures import Headers
 from websockets.server import ServerProtocol
 
-from taichi_disk.window.door import answer
+from taichi_disk.sandbox.door import answer
 
-WEB = Path(__file__).parents[2] / "taichi_disk" / "web"
+WEB = Path(__file__).parents[2] / "taichi_disk" / "pictures" / "web"
 TOKEN = "secret99"
 SOCKET = f"/{TOKEN}/socket"
 HERE = "127.0.0.1:1"

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from bodies import disk
 
-from taichi_disk.figures.theory import fit_restitution
-from taichi_disk.render.geometry import placed
-from taichi_disk.statics.equilibrium import turned
-from taichi_disk.web.drawing import DRAWING, FILM, bundle
+from taichi_disk.mechanics.statics.equilibrium import turned
+from taichi_disk.pictures.render.geometry import placed
+from taichi_disk.pictures.web.drawing import DRAWING, FILM, bundle
+from taichi_disk.studies.figures.theory import fit_restitution
 from tests.staged import SANDBOX
 
 pytestmark = pytest.mark.skipif(not shutil.which("node"), reason="no node")

@@ -6,11 +6,14 @@ import pytest
 from bodies import SMALL, computed, driver_of, drivers_of, words
 from numpy.testing import assert_array_equal
 
-from taichi_disk.computation import driver
-from taichi_disk.computation.contact import greatest_compression
-from taichi_disk.computation.diagnostics import LostBalance, inverted_triangles
-from taichi_disk.errors import InputError
-from taichi_disk.scenes.impact import ImpactScenario
+from taichi_disk.base.errors import InputError
+from taichi_disk.experiments.computation import driver
+from taichi_disk.experiments.computation.contact import greatest_compression
+from taichi_disk.experiments.computation.diagnostics import (
+    LostBalance,
+    inverted_triangles,
+)
+from taichi_disk.experiments.scenes.impact import ImpactScenario
 
 IMPACT = words("exponential_wall lattice.points=60 material.eta_star=0 time.safety=0.3")
 SCENES = {
@@ -39,7 +42,9 @@ def test_steps_are_as_reported_and_launches_leave_no_trace(name, kernels, monkey
     assert (summary["steps"], summary["dt"]) == (state.step, driver.step.dt)
     assert summary["attempts"] == 1
     # Launches of a few steps give bitwise the same end.
-    monkeypatch.setattr("taichi_disk.computation.driver.SPRINGS_PER_LAUNCH", 20_000)
+    monkeypatch.setattr(
+        "taichi_disk.experiments.computation.driver.SPRINGS_PER_LAUNCH", 20_000
+    )
     short = driver_of(kernels, *SCENES[name])
     assert short.advance(steps=11) == "running"
     assert short.simulation.step_number == 11

@@ -10,9 +10,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from taichi_disk import engine, runtime
-from taichi_disk.engine import environment, internals, ti
-from taichi_disk.errors import TaichiDiskError
+from taichi_disk.base import engine, runtime
+from taichi_disk.base.engine import environment, internals, ti
+from taichi_disk.base.errors import TaichiDiskError
 
 ROOT = Path(__file__).parents[2]
 INIT = "__init__.py"
@@ -86,7 +86,7 @@ def test_a_limit_that_keeps_the_engine_from_starting_is_named(
 def test_one_file_alone_knows_the_engine(pattern, file):
     files = [*(ROOT / "taichi_disk").rglob("*.py"), *(ROOT / "docs").rglob("*.py")]
     found = [one for one in files if re.search(pattern, one.read_text("utf-8"))]
-    assert found == [ROOT / "taichi_disk" / "engine" / file]
+    assert found == [ROOT / "taichi_disk" / "base" / "engine" / file]
 
 
 def test_another_version_of_taichi_is_left_as_it_is():

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from bodies import computed, words
 
-from taichi_disk.computation import error_estimate
-from taichi_disk.computation.diagnostics import BlowUp
-from taichi_disk.computation.error_estimate import richardson
+from taichi_disk.experiments.computation import error_estimate
+from taichi_disk.experiments.computation.diagnostics import BlowUp
+from taichi_disk.experiments.computation.error_estimate import richardson
 
 # friction holds points, whose number depends on the step
 HELD = words("""

@@ -5,9 +5,9 @@ import sys
 
 import pytest
 
-from taichi_disk import errors
+from taichi_disk.base import errors
+from taichi_disk.base.errors import install_extra, reason, system_message
 from taichi_disk.cli import main
-from taichi_disk.errors import install_extra, reason, system_message
 
 
 def caught(function, *arguments):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import pdist, squareform
 
-from taichi_disk.fields import (
+from taichi_disk.mechanics.fields import (
     QUANTITIES,
     Triangles,
     at_points,
@@ -17,9 +17,9 @@ from taichi_disk.fields import (
     point_stress,
     stress,
 )
-from taichi_disk.lattice import Lattice, with_wall
-from taichi_disk.physics import Springs
-from taichi_disk.render.painter import Painter
+from taichi_disk.mechanics.lattice import Lattice, with_wall
+from taichi_disk.mechanics.physics import Springs
+from taichi_disk.pictures.render.painter import Painter
 
 SPRINGS = Springs(1.3, 0.4)
 DISK = Lattice.disk(300, 1)

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taichi_disk.errors import InputError, SimulationError
-from taichi_disk.output import files
-from taichi_disk.output.files import atomic_write, check_pictures, prepare_output
-from taichi_disk.simulation.observables import COLUMNS
+from taichi_disk.base import files
+from taichi_disk.base.errors import InputError, SimulationError
+from taichi_disk.base.files import atomic_write, check_pictures, prepare_output
+from taichi_disk.mechanics.simulation.observables import COLUMNS
+from taichi_disk.runs.output import arrays
 
 ABSENT = ("sliding", "friction")  # columns of zeros, which are left out
 
@@ -107,17 +108,17 @@ def test_the_time_series_reads_back_bitwise_and_is_thinned_on_request(tmp_path):
     columns = {one.name: rng.random(20) for one in COLUMNS}
     columns |= {"t": 0.1 * np.arange(20), **dict.fromkeys(ABSENT, np.zeros(20))}
     del columns["xi"]  # only a loading has this column
-    files.write_timeseries(tmp_path / "a.csv", columns)
+    arrays.write_timeseries(tmp_path / "a.csv", columns)
     table = np.genfromtxt(tmp_path / "a.csv", delimiter=",", names=True)
     written = [one.name for one in COLUMNS if one.written != "never"]
     names = [name for name in written if name not in (*ABSENT, "xi")]
     assert table.dtype.names == tuple(names)
     assert all(np.array_equal(table[name], columns[name]) for name in names)
-    files.write_timeseries(tmp_path / "b.csv", columns, 0.6)
+    arrays.write_timeseries(tmp_path / "b.csv", columns, 0.6)
     table = np.genfromtxt(tmp_path / "b.csv", delimiter=",", names=True)
     assert np.array_equal(table["t"], columns["t"][[0, 6, 12, 18, 19]])
     columns["sliding"] = np.where(np.arange(20) == 19, 1e-3, 0.0)  # begins at 0
-    files.write_timeseries(tmp_path / "c.csv", columns)
+    arrays.write_timeseries(tmp_path / "c.csv", columns)
     table = np.genfromtxt(tmp_path / "c.csv", delimiter=",", names=True)
     assert set(table.dtype.names) == {*names, "sliding"}
 

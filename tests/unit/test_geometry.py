@@ -4,9 +4,9 @@ larger."""
 import numpy as np
 import pytest
 
-from taichi_disk.lattice import Lattice
-from taichi_disk.physics import ExponentialWall
-from taichi_disk.render.geometry import (
+from taichi_disk.mechanics.lattice import Lattice
+from taichi_disk.mechanics.physics import ExponentialWall
+from taichi_disk.pictures.render.geometry import (
     edge_height,
     flattening,
     magnification,

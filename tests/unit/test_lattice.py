@@ -10,15 +10,15 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import pdist
 
-from taichi_disk.config.sections import LatticeSection
-from taichi_disk.errors import InputError, SimulationError
-from taichi_disk.lattice import Lattice
-from taichi_disk.lattice.lattice import double_area, polygon_area, triangulate
-from taichi_disk.lattice.network import (
+from taichi_disk.base.errors import InputError, SimulationError
+from taichi_disk.experiments.config.sections import LatticeSection
+from taichi_disk.mechanics.lattice import Lattice
+from taichi_disk.mechanics.lattice.lattice import double_area, polygon_area, triangulate
+from taichi_disk.mechanics.lattice.network import (
     bending_compliance,
     network_stiffness,
 )
-from taichi_disk.lattice.random_points import (
+from taichi_disk.mechanics.lattice.random_points import (
     MAX_POINTS,
     MIN_POINTS,
     hexagonal_spacing,

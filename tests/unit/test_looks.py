@@ -22,31 +22,36 @@ from scipy.spatial import cKDTree
 from shown import colours, digest, number, numbers, of_figure, of_lines
 
 from taichi_disk import load_scene
-from taichi_disk.computation.driver import State
-from taichi_disk.computation.outcome import Outcome
-from taichi_disk.fields import Triangles
-from taichi_disk.figures.curves import analyse
-from taichi_disk.figures.drawing import figure_to_change
-from taichi_disk.figures.texts import curve_rows
-from taichi_disk.lattice import Lattice, OwnStart
-from taichi_disk.output.panel import PanelPictures, draw_panel
-from taichi_disk.output.plot import plot_scene, run_figure
-from taichi_disk.physics import Springs
-from taichi_disk.progress import silent
-from taichi_disk.render import film, finisher, pictures, words
-from taichi_disk.render import painter as painting
-from taichi_disk.render.artist import Artist
-from taichi_disk.render.geometry import Camera
-from taichi_disk.render.letters import LEAST, Face, Letters
-from taichi_disk.render.moments import Caption, Span
-from taichi_disk.render.panel import panel_scene
-from taichi_disk.render.pictures import Disk, arranged
-from taichi_disk.render.recording import Flight
-from taichi_disk.render.state_figure import draw_state
-from taichi_disk.render.words import Scales, Title, caption_lines, fitting_letters
-from taichi_disk.simulation.observables import COLUMNS
-from taichi_disk.web.drawing import colour_values, scene_message
-from taichi_disk.web.film import write_page
+from taichi_disk.base.progress import silent
+from taichi_disk.experiments.computation.driver import State
+from taichi_disk.experiments.computation.outcome import Outcome
+from taichi_disk.mechanics.fields import Triangles
+from taichi_disk.mechanics.lattice import Lattice, OwnStart
+from taichi_disk.mechanics.physics import Springs
+from taichi_disk.mechanics.simulation.observables import COLUMNS
+from taichi_disk.pictures.panel import PanelPictures, draw_panel
+from taichi_disk.pictures.plot import plot_scene, run_figure
+from taichi_disk.pictures.render import film, finisher, pictures, words
+from taichi_disk.pictures.render import painter as painting
+from taichi_disk.pictures.render.artist import Artist
+from taichi_disk.pictures.render.geometry import Camera
+from taichi_disk.pictures.render.letters import LEAST, Face, Letters
+from taichi_disk.pictures.render.moments import Caption, Span
+from taichi_disk.pictures.render.panel import panel_scene
+from taichi_disk.pictures.render.pictures import Disk, arranged
+from taichi_disk.pictures.render.recording import Flight
+from taichi_disk.pictures.render.state_figure import draw_state
+from taichi_disk.pictures.render.words import (
+    Scales,
+    Title,
+    caption_lines,
+    fitting_letters,
+)
+from taichi_disk.pictures.web.drawing import colour_values, scene_message
+from taichi_disk.pictures.web.film import write_page
+from taichi_disk.studies.figures.curves import analyse
+from taichi_disk.studies.figures.drawing import figure_to_change
+from taichi_disk.studies.figures.texts import curve_rows
 
 SMALL = ("lattice.points=41", "lattice.seed=3")
 THROW = (*SMALL, "impact.velocity=0.05", "impact.gap=0.1", "material.eta_star=5")

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from taichi_disk import machine
-from taichi_disk.machine import can_start_python, cores, cpu_quota
+from taichi_disk.base import machine
+from taichi_disk.base.machine import can_start_python, cores, cpu_quota
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_cores_are_those_of_the_affinity_and_no_more_than_the_quota(
     monkeypatch, quota, expected
 ):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(8), raising=False)
-    monkeypatch.setattr("taichi_disk.machine.cpu_quota", lambda *_: quota)
+    monkeypatch.setattr("taichi_disk.base.machine.cpu_quota", lambda *_: quota)
     assert cores() == expected
 
 
@@ -52,7 +52,7 @@ def test_cores_are_those_of_the_affinity_and_no_more_than_the_quota(
 def test_an_affinity_is_respected():
     code = (
         "import os; os.sched_setaffinity(0, [min(os.sched_getaffinity(0))]);"
-        " from taichi_disk.machine import cores; print(cores())"
+        " from taichi_disk.base.machine import cores; print(cores())"
     )
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, capture_output=True, text=True)

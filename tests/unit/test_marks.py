@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from taichi_disk.render.marks import Mark, arrows, dot, line, stamp
+from taichi_disk.pictures.render.marks import Mark, arrows, dot, line, stamp
 
 BLACK = (0, 0, 0)
 WHITE = (255, 255, 255)

@@ -8,8 +8,8 @@ import meshio
 import numpy as np
 import pytest
 
-from taichi_disk.errors import InputError
-from taichi_disk.lattice import Lattice
+from taichi_disk.base.errors import InputError
+from taichi_disk.mechanics.lattice import Lattice
 
 DISK = Lattice.disk(60, seed=3)
 
@@ -182,5 +182,7 @@ def test_without_meshio_the_message_says_how_to_install_it(tmp_path, monkeypatch
 
 
 def test_meshio_is_imported_only_for_a_mesh():
-    code = "import sys, taichi_disk.scenes; sys.exit('meshio' in sys.modules)"
+    code = (
+        "import sys, taichi_disk.experiments.scenes; sys.exit('meshio' in sys.modules)"
+    )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -7,7 +7,7 @@ from itertools import groupby
 import numpy as np
 from shown import digest, number, numbers
 
-from taichi_disk.window.session import Session, read_command
+from taichi_disk.sandbox.session import Session, read_command
 
 # what a user says, one after the other; None: time passes
 ACTS = (
@@ -45,7 +45,7 @@ ACTS = (
 
 
 def test_a_page_is_sent_what_is_recorded(playlist, kernels, record, monkeypatch):
-    monkeypatch.setattr("taichi_disk.window.sandbox.perf_counter", lambda: 0.0)
+    monkeypatch.setattr("taichi_disk.sandbox.sandbox.perf_counter", lambda: 0.0)
     session = Session(playlist, kernels)
     before = [one for one in told(session) if "yaml" in one]
     lines = []

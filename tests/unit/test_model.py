@@ -9,15 +9,15 @@ import pytest
 from bodies import FALLING, damped, disk, moving_down, words
 from numpy.testing import assert_allclose, assert_array_equal
 
-from taichi_disk.engine import ti
-from taichi_disk.integrators import VELOCITY_VERLET
-from taichi_disk.lattice import Lattice
-from taichi_disk.physics import BodyForce, ExponentialWall, Load, Springs
-from taichi_disk.physics.law import Capacity
-from taichi_disk.physics.ordering import BLOCK
-from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.observables import INDEX
-from taichi_disk.simulation.simulation import KernelCache, Simulation
+from taichi_disk.base.engine import ti
+from taichi_disk.experiments.scenes import load_scene
+from taichi_disk.mechanics.integrators import VELOCITY_VERLET
+from taichi_disk.mechanics.lattice import Lattice
+from taichi_disk.mechanics.physics import BodyForce, ExponentialWall, Load, Springs
+from taichi_disk.mechanics.physics.law import Capacity
+from taichi_disk.mechanics.physics.ordering import BLOCK
+from taichi_disk.mechanics.simulation.observables import INDEX
+from taichi_disk.mechanics.simulation.simulation import KernelCache, Simulation
 
 VV = VELOCITY_VERLET
 
@@ -26,7 +26,9 @@ VV = VELOCITY_VERLET
 def cache(kernels, monkeypatch):
     """Return a KernelCache whose programs for 60 points have no room for 130."""
     least = Capacity(60, 240 // BLOCK, 27 * 60)
-    monkeypatch.setattr("taichi_disk.simulation.simulation.MIN_CAPACITY", least)
+    monkeypatch.setattr(
+        "taichi_disk.mechanics.simulation.simulation.MIN_CAPACITY", least
+    )
     return KernelCache()
 
 

@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from taichi_disk.lattice.lattice import triangulate
-from taichi_disk.lattice.network import bulk_moduli, inner_moduli, stretch
+from taichi_disk.mechanics.lattice.lattice import triangulate
+from taichi_disk.mechanics.lattice.network import bulk_moduli, inner_moduli, stretch
 
 
 def test_perfect_triangular_lattice_has_the_textbook_moduli():

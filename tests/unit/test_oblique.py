@@ -6,7 +6,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from taichi_disk.scenes import oblique
+from taichi_disk.experiments.scenes import oblique
 
 # half-width and half-height of a flat plate [R], at rest in its frame
 OUTLINE = np.array([[-1.0, -0.2], [1.0, -0.2], [1.0, 0.2], [-1.0, 0.2]])

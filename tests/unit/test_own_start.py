@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from bodies import ELASTIC, changed, disk_and_wall
 
-from taichi_disk import runtime
-from taichi_disk.errors import InputError
-from taichi_disk.integrators import INTEGRATORS
-from taichi_disk.lattice import Lattice
-from taichi_disk.lattice.own_start import OwnStart, own_start
-from taichi_disk.physics import Model, Springs
-from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.simulation import Simulation
+from taichi_disk.base import runtime
+from taichi_disk.base.errors import InputError
+from taichi_disk.experiments.scenes import load_scene
+from taichi_disk.mechanics.integrators import INTEGRATORS
+from taichi_disk.mechanics.lattice import Lattice
+from taichi_disk.mechanics.lattice.own_start import OwnStart, own_start
+from taichi_disk.mechanics.physics import Model, Springs
+from taichi_disk.mechanics.simulation.simulation import Simulation
 
 DISK = Lattice.disk(60, seed=3, core_radius=0.5, core_density=2.0, core_stiffness=2.0)
 ARRAYS = ("positions", "bonds", "rest_lengths", "masses", "stiffness", "triangles")

@@ -8,10 +8,10 @@ from functools import wraps
 import numpy as np
 import pytest
 
-from taichi_disk.window import page as pages
-from taichi_disk.window import server
-from taichi_disk.window.page import Page
-from taichi_disk.window.server import KEPT, Sessions
+from taichi_disk.sandbox import page as pages
+from taichi_disk.sandbox import server
+from taichi_disk.sandbox.page import Page
+from taichi_disk.sandbox.server import KEPT, Sessions
 
 
 class Reader:

@@ -4,7 +4,7 @@ round numbers."""
 import numpy as np
 import pytest
 
-from taichi_disk.render.palette import (
+from taichi_disk.pictures.render.palette import (
     LEVELS,
     THEMES,
     colour_map,

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taichi_disk.output.panel import PanelScene, draw_panel
-from taichi_disk.output.plot import TimeCurve
-from taichi_disk.render.finisher import draw_curves
-from taichi_disk.render.palette import THEMES
+from taichi_disk.pictures.panel import PanelScene, draw_panel
+from taichi_disk.pictures.plot import TimeCurve
+from taichi_disk.pictures.render.finisher import draw_curves
+from taichi_disk.pictures.render.palette import THEMES
 
 NAMES = ("flight", "vibration", "elastic", "wall", "dashpots", "boundary", "friction")
 COLOURS = ("#00806A", "#1A1A1E", "#C23F00", "#8F6500", "#1F6FB5", "#8E5BC0", "#882255")

@@ -14,11 +14,11 @@ import pytest
 from bodies import computed
 from PIL import Image
 
-from taichi_disk import runtime
-from taichi_disk.output.inline import Plot
-from taichi_disk.output.plot import matplotlib_style, plot_run, plot_scene
-from taichi_disk.render.artist import drawing_process
-from taichi_disk.simulation.simulation import shared_kernels
+from taichi_disk.base import runtime
+from taichi_disk.mechanics.simulation.simulation import shared_kernels
+from taichi_disk.pictures.inline import Plot
+from taichi_disk.pictures.plot import matplotlib_style, plot_run, plot_scene
+from taichi_disk.pictures.render.artist import drawing_process
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,8 @@ import pytest
 from bodies import words
 
 import taichi_disk
-from taichi_disk import signals
-from taichi_disk.processes.pool import Pool, awaited
+from taichi_disk.base import signals
+from taichi_disk.base.processes.pool import Pool, awaited
 
 
 @pytest.fixture

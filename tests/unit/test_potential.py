@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from taichi_disk.config.sections import ElasticWallSection, WallSection
-from taichi_disk.physics import ElasticWall, ExponentialWall
+from taichi_disk.experiments.config.sections import ElasticWallSection, WallSection
+from taichi_disk.mechanics.physics import ElasticWall, ExponentialWall
 
 NUMBERS = {"a": 30.0, "V0": 5.0}
 RIGID = ExponentialWall(**NUMBERS)

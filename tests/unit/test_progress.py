@@ -6,7 +6,7 @@ import io
 
 import pytest
 
-from taichi_disk.progress import terminal
+from taichi_disk.base.progress import terminal
 
 
 class Terminal(io.StringIO):

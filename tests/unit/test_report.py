@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from taichi_disk.output.report import print_result, print_time, shown
+from taichi_disk.runs.output.report import print_result, print_time, shown
 
 LABELS = {"restitution": ("restitution e", ""), "contact_time": ("contact time", "R/c")}
 

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from taichi_disk.config.tree import as_path
-from taichi_disk.errors import InputError, SimulationError
-from taichi_disk.output.files import check_pictures
-from taichi_disk.output.run_folder import refuse_run, run_folder
+from taichi_disk.base.errors import InputError, SimulationError
+from taichi_disk.base.files import check_pictures
+from taichi_disk.experiments.config.tree import as_path
+from taichi_disk.runs.output.run_folder import refuse_run, run_folder
 
 SCENE = "scene: compression\nlattice:\n  points: 100         # number of points\n"
 OTHER = SCENE.replace("100", "200")
@@ -265,7 +265,7 @@ def test_a_file_that_comes_during_a_run_stays_and_the_run_is_kept(notices, tmp_p
 KILLED = """
 import os, shutil, sys
 from pathlib import Path
-from taichi_disk.output.run_folder import refuse_run, run_folder
+from taichi_disk.runs.output.run_folder import refuse_run, run_folder
 moves = []
 def counted(move):
     def moved(old, *new, **options):

@@ -4,13 +4,13 @@ back; hands' work is marked."""
 import numpy as np
 import pytest
 
-from taichi_disk.computation.outcome import compute
-from taichi_disk.errors import InputError
-from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.observables import ENERGY_INDICES, INDEX
-from taichi_disk.window import history
-from taichi_disk.window.app import list_presets
-from taichi_disk.window.sandbox import Sandbox, with_key
+from taichi_disk.base.errors import InputError
+from taichi_disk.experiments.computation.outcome import compute
+from taichi_disk.experiments.scenes import load_scene
+from taichi_disk.mechanics.simulation.observables import ENERGY_INDICES, INDEX
+from taichi_disk.sandbox import history
+from taichi_disk.sandbox.app import list_presets
+from taichi_disk.sandbox.sandbox import Sandbox, with_key
 
 SMALL = ["lattice.points=120", "impact.velocity=0.05", "material.eta_star=1"]
 UNDAMPED = [*SMALL, "material.eta_star=0"]

@@ -11,8 +11,13 @@ from bodies import words
 from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
-from taichi_disk.errors import InputError
-from taichi_disk.scenes import SCENES, load_scene, load_sweep, shipped_scenes
+from taichi_disk.base.errors import InputError
+from taichi_disk.experiments.scenes import (
+    SCENES,
+    load_scene,
+    load_sweep,
+    shipped_scenes,
+)
 
 ROOT = Path(__file__).parents[2]
 KEYS = {

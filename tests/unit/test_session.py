@@ -12,17 +12,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taichi_disk.computation.outcome import compute
-from taichi_disk.fields import Triangles
-from taichi_disk.render.palette import full_scale
-from taichi_disk.simulation.observables import INDEX
-from taichi_disk.web.drawing import colour_values
-from taichi_disk.window.app import list_folder, list_presets
-from taichi_disk.window.controls import CHOICES, CURVE_POINTS, RANGES
-from taichi_disk.window.graphs import CURVES
-from taichi_disk.window.session import Session, read_command
+from taichi_disk.experiments.computation.outcome import compute
+from taichi_disk.mechanics.fields import Triangles
+from taichi_disk.mechanics.simulation.observables import INDEX
+from taichi_disk.pictures.render.palette import full_scale
+from taichi_disk.pictures.web.drawing import colour_values
+from taichi_disk.sandbox.app import list_folder, list_presets
+from taichi_disk.sandbox.controls import CHOICES, CURVE_POINTS, RANGES
+from taichi_disk.sandbox.graphs import CURVES
+from taichi_disk.sandbox.session import Session, read_command
 
-WEB = Path(__file__).parents[2] / "taichi_disk" / "web"
+WEB = Path(__file__).parents[2] / "taichi_disk" / "pictures" / "web"
 
 
 @pytest.fixture
@@ -190,7 +190,7 @@ def test_of_throws_that_make_a_curve_fewer_states_are_kept(session):
 
 @pytest.mark.validate
 def test_a_curve_is_collected_by_itself_and_stops_when_asked(session, monkeypatch):
-    monkeypatch.setattr("taichi_disk.window.sandbox.COLLECTING_PACE", 1e4)
+    monkeypatch.setattr("taichi_disk.sandbox.sandbox.COLLECTING_PACE", 1e4)
     say(session, "set", key="speed", value=100.0)
     say(session, "collect")
     until(session, lambda: len(session.sandbox.results) > 1)

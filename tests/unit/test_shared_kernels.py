@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from taichi_disk.scenes import load_scene
-from taichi_disk.window import history
-from taichi_disk.window.sandbox import Sandbox
+from taichi_disk.experiments.scenes import load_scene
+from taichi_disk.sandbox import history
+from taichi_disk.sandbox.sandbox import Sandbox
 
 pytestmark = pytest.mark.usefixtures("kernels")  # Taichi has started
 SMALL = ["lattice.points=120", "impact.velocity=0.05"]

@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 from bodies import computed, control_of, damped, driver_of, drivers_of, words
 
-from taichi_disk.computation import diagnostics, error_estimate
-from taichi_disk.computation.diagnostics import MAX_IMBALANCE, BlowUp
-from taichi_disk.computation.stability import step_limit
-from taichi_disk.computation.step_control import MAX_BLOW_UPS, StepControl
-from taichi_disk.errors import InputError, SimulationError
-from taichi_disk.integrators import (
+from taichi_disk.base.errors import InputError, SimulationError
+from taichi_disk.experiments.computation import diagnostics, error_estimate
+from taichi_disk.experiments.computation.diagnostics import MAX_IMBALANCE, BlowUp
+from taichi_disk.experiments.computation.stability import step_limit
+from taichi_disk.experiments.computation.step_control import MAX_BLOW_UPS, StepControl
+from taichi_disk.mechanics.integrators import (
     INTEGRATORS,
     TAKAHASHI_IMADA,
     TRAPEZOIDAL,
     VELOCITY_VERLET,
 )
-from taichi_disk.integrators.trapezoidal import factorise
-from taichi_disk.lattice import Lattice
-from taichi_disk.simulation.simulation import MAX_STEPS
+from taichi_disk.mechanics.integrators.trapezoidal import factorise
+from taichi_disk.mechanics.lattice import Lattice
+from taichi_disk.mechanics.simulation.simulation import MAX_STEPS
 
 VV = VELOCITY_VERLET
 IMPACT = ("lattice.points=60", "material.eta_star=0", "impact.velocity=0.05")

@@ -1,4 +1,4 @@
-"""`taichi_disk.accuracy`: the changes of the scene, the measurements and the
+"""`taichi_disk.studies.accuracy`: the changes of the scene, the measurements and the
 conclusions."""
 
 from dataclasses import replace
@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from taichi_disk import Lattice, load_scene, run
-from taichi_disk.accuracy import steps
-from taichi_disk.accuracy.steps import StepError, StepStudy
-from taichi_disk.accuracy.study import (
+from taichi_disk.base.progress import silent
+from taichi_disk.experiments.computation.outcome import compute
+from taichi_disk.studies.accuracy import steps
+from taichi_disk.studies.accuracy.steps import StepError, StepStudy
+from taichi_disk.studies.accuracy.study import (
     FINER,
     HARDER,
     SCATTER,
@@ -17,8 +19,6 @@ from taichi_disk.accuracy.study import (
     finer_lattice,
     sentence,
 )
-from taichi_disk.computation.outcome import compute
-from taichi_disk.progress import silent
 
 STEP = StepError(
     "velocity_verlet", True, 0.8, 0.01, 100, 0.1, 3.0, 1e-6, 1e-6, 0.0, 0.0
@@ -52,7 +52,7 @@ def test_a_finer_lattice_is_of_the_same_material(kind):
 
 @pytest.mark.usefixtures("kernels")
 def test_effects_are_those_of_running_the_changed_scenes(monkeypatch):
-    monkeypatch.setattr("taichi_disk.accuracy.study.SEEDS", 3)
+    monkeypatch.setattr("taichi_disk.studies.accuracy.study.SEEDS", 3)
     # a step that suits the scene, but no finer lattice
     own = ["lattice.points=30", "material.eta_star=0"]
     found = effects(load_scene("exponential_wall", [*own, "time.dt=0.04"]), silent)

@@ -5,9 +5,9 @@ import itertools
 import numpy as np
 import pytest
 
-from taichi_disk.errors import InputError
-from taichi_disk.scenes import load_any, load_scene, load_sweep
-from taichi_disk.scenes.sweep_axes import FORMS, Sweep
+from taichi_disk.base.errors import InputError
+from taichi_disk.experiments.scenes import load_any, load_scene, load_sweep
+from taichi_disk.experiments.scenes.sweep_axes import FORMS, Sweep
 
 IMPACT = "scene: exponential_wall\n"
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from taichi_disk.errors import InputError
-from taichi_disk.lattice import Lattice
-from taichi_disk.lattice.tables import read_table
+from taichi_disk.base.errors import InputError
+from taichi_disk.mechanics.lattice import Lattice
+from taichi_disk.mechanics.lattice.tables import read_table
 
 POINTS = Lattice.disk(60, seed=3).positions
 NUMBERED = [(k, x, y) for k, (x, y) in enumerate(POINTS.tolist())]

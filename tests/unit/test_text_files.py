@@ -7,9 +7,9 @@ import threading
 
 import pytest
 
-from taichi_disk.errors import InputError
-from taichi_disk.scenes import load_any, load_scene
-from taichi_disk.text_files import MAX_BYTES, read_text
+from taichi_disk.base.errors import InputError
+from taichi_disk.base.text_files import MAX_BYTES, read_text
+from taichi_disk.experiments.scenes import load_any, load_scene
 
 SCENE = "scene: exponential_wall\nimpact: {velocity: 0.03}  # η\n"
 SWEEP = "scene: exponential_wall\nsweep: {seed: [0]}\n"

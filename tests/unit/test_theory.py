@@ -7,8 +7,11 @@ import pytest
 from scipy.integrate import quad
 
 from docs.experiments.quasistatic import quasistatic_impact
-from taichi_disk.figures import theory
-from taichi_disk.scenes.compression import exact_compression, paper_compression
+from taichi_disk.experiments.scenes.compression import (
+    exact_compression,
+    paper_compression,
+)
+from taichi_disk.studies.figures import theory
 
 E = 1.1
 NU = 0.29

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from taichi_disk.errors import InputError, printable
-from taichi_disk.scenes import SCENES, load_any, load_scene
+from taichi_disk.base.errors import InputError, printable
+from taichi_disk.experiments.scenes import SCENES, load_any, load_scene
 
 IMPACT = "scene: exponential_wall\n"
 KINDS = "compression, exponential_wall or absorbing_wall"

@@ -6,7 +6,7 @@ import pytest
 from PIL import Image
 from programs import durations_of
 
-from taichi_disk.render.video import video
+from taichi_disk.pictures.render.video import video
 
 
 @pytest.mark.parametrize("count", [1, 2, 61, 62, 63, 100])

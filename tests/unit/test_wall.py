@@ -8,11 +8,11 @@ import pytest
 from bodies import assert_tiles
 from scipy.spatial.distance import pdist
 
-from taichi_disk.errors import InputError
-from taichi_disk.lattice import Lattice, with_wall
-from taichi_disk.lattice.random_points import hexagonal_spacing, rim_points
-from taichi_disk.lattice.triangles import polygon_area
-from taichi_disk.lattice.wall import wall_height
+from taichi_disk.base.errors import InputError
+from taichi_disk.mechanics.lattice import Lattice, with_wall
+from taichi_disk.mechanics.lattice.random_points import hexagonal_spacing, rim_points
+from taichi_disk.mechanics.lattice.triangles import polygon_area
+from taichi_disk.mechanics.lattice.wall import wall_height
 
 DISK = Lattice.disk(1099, 0)
 PAPER = with_wall(DISK, 1269, 3.8, 0)

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from matplotlib import font_manager, get_data_path
 
-from taichi_disk.render.letters import Letters, lacking
-from taichi_disk.render.words import label, round_below
+from taichi_disk.pictures.render.letters import Letters, lacking
+from taichi_disk.pictures.render.words import label, round_below
 
 
 def test_numbers_are_written_as_in_print():

@@ -6,6 +6,6 @@ estimate_trial: checks whether the error estimate of every run holds, and whethe
 the table of docs/stability.md.
 """
 
-from taichi_disk.engine import environment
+from taichi_disk.base.engine import environment
 
 environment.prepare()  # before Taichi is imported

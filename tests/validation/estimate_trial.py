@@ -17,11 +17,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taichi_disk import runtime
-from taichi_disk.computation.error_estimate import measured
-from taichi_disk.computation.outcome import compute
-from taichi_disk.errors import TaichiDiskError
-from taichi_disk.scenes import load_scene
+from taichi_disk.base import runtime
+from taichi_disk.base.errors import TaichiDiskError
+from taichi_disk.experiments.computation.error_estimate import measured
+from taichi_disk.experiments.computation.outcome import compute
+from taichi_disk.experiments.scenes import load_scene
 
 from .random_scenes import (
     chaotic_scene,

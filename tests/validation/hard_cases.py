@@ -18,15 +18,15 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk import runtime
-from taichi_disk.computation.diagnostics import MAX_IMBALANCE
-from taichi_disk.computation.outcome import compute
-from taichi_disk.computation.scenario import Scenario
-from taichi_disk.errors import InputError, SimulationError
-from taichi_disk.lattice import Lattice
-from taichi_disk.lattice.lattice import triangulate
-from taichi_disk.output.files import write_csv
-from taichi_disk.scenes import Scene, load_scene
+from taichi_disk.base import runtime
+from taichi_disk.base.errors import InputError, SimulationError
+from taichi_disk.base.files import write_csv
+from taichi_disk.experiments.computation.diagnostics import MAX_IMBALANCE
+from taichi_disk.experiments.computation.outcome import compute
+from taichi_disk.experiments.computation.scenario import Scenario
+from taichi_disk.experiments.scenes import Scene, load_scene
+from taichi_disk.mechanics.lattice import Lattice
+from taichi_disk.mechanics.lattice.lattice import triangulate
 
 
 @dataclass(frozen=True)

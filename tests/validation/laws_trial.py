@@ -15,9 +15,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from taichi_disk import load_sweep, run_sweep
-from taichi_disk.figures.curves import analyse
-from taichi_disk.figures.theory import Fit, fit_restitution, paper_restitution
-from taichi_disk.lattice import Array
+from taichi_disk.mechanics.lattice import Array
+from taichi_disk.studies.figures.curves import analyse
+from taichi_disk.studies.figures.theory import Fit, fit_restitution, paper_restitution
 
 SPEEDS = np.geomspace(3e-3, 5e-2, 12)  # [c]
 LAW = {"d1": 1.02, "d2": 0.3}  # of the synthetic draws

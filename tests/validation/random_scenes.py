@@ -8,9 +8,9 @@ from unittest.mock import patch
 
 import numpy as np
 
-from taichi_disk.computation.diagnostics import MAX_IMBALANCE
-from taichi_disk.errors import SimulationError
-from taichi_disk.scenes import load_scene
+from taichi_disk.base.errors import SimulationError
+from taichi_disk.experiments.computation.diagnostics import MAX_IMBALANCE
+from taichi_disk.experiments.scenes import load_scene
 
 from .hard_cases import judge
 
@@ -368,7 +368,9 @@ def fate(number, kernels):
         kernels.max_time = scenario.max_time
         return scenario
 
-    with patch("taichi_disk.computation.outcome.shared_kernels", lambda: kernels):
+    with patch(
+        "taichi_disk.experiments.computation.outcome.shared_kernels", lambda: kernels
+    ):
         verdict = judge(prepare, estimate=False)
     if verdict.text == TOO_LONG:
         return replace(verdict, end="long", text=""), ""

@@ -10,12 +10,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taichi_disk.computation.stability import contact_point_force, spectrum, step_limit
-from taichi_disk.integrators import TAKAHASHI_IMADA, TRAPEZOIDAL, VELOCITY_VERLET
-from taichi_disk.lattice import Lattice
-from taichi_disk.physics import ExponentialWall, Load, Model, Springs
-from taichi_disk.simulation.observables import ENERGY_INDICES, INDEX
-from taichi_disk.statics.equilibrium import place_on_wall, solve_equilibrium
+from taichi_disk.experiments.computation.stability import (
+    contact_point_force,
+    spectrum,
+    step_limit,
+)
+from taichi_disk.mechanics.integrators import (
+    TAKAHASHI_IMADA,
+    TRAPEZOIDAL,
+    VELOCITY_VERLET,
+)
+from taichi_disk.mechanics.lattice import Lattice
+from taichi_disk.mechanics.physics import ExponentialWall, Load, Model, Springs
+from taichi_disk.mechanics.simulation.observables import ENERGY_INDICES, INDEX
+from taichi_disk.mechanics.statics.equilibrium import place_on_wall, solve_equilibrium
 
 pytestmark = pytest.mark.validate
 

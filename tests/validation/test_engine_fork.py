@@ -78,10 +78,11 @@ def test_the_fork_computes_bitwise_the_same_and_films_with_hard_lines(
 
 STEP = """
 from time import process_time
-from taichi_disk import load_scene, runtime
-from taichi_disk.integrators import VELOCITY_VERLET
+from taichi_disk import load_scene
+from taichi_disk.base import runtime
+from taichi_disk.mechanics.integrators import VELOCITY_VERLET
 runtime.start(1)
-from taichi_disk.simulation.simulation import Simulation
+from taichi_disk.mechanics.simulation.simulation import Simulation
 scenario = load_scene("exponential_wall").scenario()
 simulation = Simulation(
     scenario.lattice, scenario.model, VELOCITY_VERLET, scenario.velocities, 2e-3

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from docs.experiments.quasistatic import quasistatic_impact
-from taichi_disk.computation.outcome import compute
-from taichi_disk.scenes import load_scene
-from taichi_disk.scenes.compression import exact_compression
+from taichi_disk.experiments.computation.outcome import compute
+from taichi_disk.experiments.scenes import load_scene
+from taichi_disk.experiments.scenes.compression import exact_compression
 
 LONG = pytest.mark.validate
 DOCS = Path(__file__).parents[2] / "docs"

@@ -10,10 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from taichi_disk.accuracy.steps import reference_state
-from taichi_disk.computation.error_estimate import measured
-from taichi_disk.computation.outcome import compute
-from taichi_disk.errors import SimulationError
+from taichi_disk.base.errors import SimulationError
+from taichi_disk.experiments.computation.error_estimate import measured
+from taichi_disk.experiments.computation.outcome import compute
+from taichi_disk.studies.accuracy.steps import reference_state
 
 # rows of a true result over rows of a run, to reduce the error of values between two
 # rows

@@ -1,0 +1,99 @@
+"""Read a mesh of triangles from a file of another program, by meshio."""
+
+from __future__ import annotations
+
+import io
+import re
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taichi_disk.base.errors import InputError, install_extra, pip_install, printable
+from taichi_disk.mechanics.lattice.triangles import Array, Long
+
+# largest extent out of the plane over the mesh's size; in single precision 1e-7 is lost
+_FLATNESS = 1e-6
+
+
+def read_mesh(path: Path) -> tuple[Array, Long, tuple[str, ...]]:
+    """Return points (n, 2) [R] and triangles (t, 3) of a mesh in a plane of two axes,
+    and a note on the plane unless it is that of x and y.
+
+    Corners make the triangles, also if there are points on the sides. Raises InputError
+    if meshio is missing or cannot read the file, if the mesh is not flat or has cells
+    of another kind.
+    """
+    mesh = _read(path)
+    triangles = _triangles_of(mesh)
+    points = np.asarray(mesh.points, np.float64)
+    size = np.ptp(points[np.unique(triangles)], axis=0)
+    axes = np.sort(np.argsort(-size, kind="stable")[:2])
+    if (np.delete(size, axes) > _FLATNESS * size.max()).any():
+        sizes = " x ".join(f"{one:g}" for one in size)
+        raise InputError(f"the mesh is not flat: its corners extend over {sizes}")
+    notes: tuple[str, ...] = ()
+    if axes.tolist() != [0, 1]:
+        names = " and ".join("xyz"[axis] for axis in axes)
+        notes = (f"{path.name} lies in the plane of {names}",)
+    return points[:, axes], triangles, notes
+
+
+def _read(path: Path) -> Any:
+    try:
+        import meshio
+    except ImportError:
+        raise InputError(
+            "a lattice is read from a .csv, .txt, .tsv or .npz file; for meshes meshio"
+            f" is needed: {install_extra('export')}"
+        ) from None
+    _check(path.read_bytes())
+    # meshio prints why it cannot read a file, and then ends the process.
+    printed = io.StringIO()
+    try:
+        with redirect_stdout(printed), redirect_stderr(printed):
+            return meshio.read(path)
+    except ModuleNotFoundError as error:
+        reason = f"it needs {error.name}: {pip_install(str(error.name))}"
+    except (Exception, SystemExit) as error:
+        words = " ".join(printed.getvalue().split()) or str(error)
+        reason = printable(words, width=200) or f"it is no {path.suffix} file"
+    raise InputError(
+        f"meshio cannot read this file ({reason}): write its points as a table (.csv)"
+        " with the columns x and y, or give points and triangles to"
+        " Lattice.from_points"
+    )
+
+
+def _check(content: bytes) -> None:
+    """Raise InputError for a file with which meshio would fill the memory."""
+    if re.search(rb"^\*INCLUDE", content, re.M | re.I):
+        raise InputError("it includes another file: write both into one (*INCLUDE)")
+    # meshio makes a table of all numbers up to the largest
+    if re.search(rb"\$Nodes.*?^ *[0-9]{9,}\s", content, re.M | re.S):
+        raise InputError(
+            "a node or a triangle has a number above 99,999,999: number them from 1 on"
+            " (RenumberMeshNodes in gmsh)"
+        )
+
+
+def _triangles_of(mesh: Any) -> Long:
+    """Return the corners (t, 3) of all triangles."""
+    triangles = []
+    for block in mesh.cells:
+        kind = block.type.removeprefix("VTK_LAGRANGE_").lower()
+        if kind.startswith("triangle"):
+            triangles.append(np.asarray(block.data)[:, :3].astype(np.int64))
+        elif block.dim > 1:
+            raise InputError(
+                f"the mesh has {len(block.data)} cells of the kind {block.type}: mesh"
+                " the disk with triangles only"
+            )
+    if not triangles:
+        groups = ", ".join(mesh.field_data) or "none"
+        raise InputError(
+            f"the mesh has no triangles (physical groups: {groups}); if there are"
+            " groups, gmsh leaves out what is in none: add a Physical Surface"
+        )
+    return np.concatenate(triangles)

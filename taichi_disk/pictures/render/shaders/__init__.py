@@ -1,0 +1,29 @@
+"""Shaders that replace GGUI's for triangles: their sides are soft lines, and colours
+have an opacity.
+
+The .spv files are compiled from the GLSL beside them: `glslangValidator -V NAME.vert -o
+NAME_vert.spv`.
+"""
+
+from __future__ import annotations
+
+import shutil
+from importlib.resources import files
+from pathlib import Path
+
+from taichi_disk.base import engine
+
+
+def fit_engine() -> bool:
+    """Return whether the engine is the one whose shaders ours replace. Those of another
+    version may have another interface, and a pipeline that does not fit aborts the
+    process."""
+    return engine.versions() == engine.WITH_KNOWN_SHADERS
+
+
+def copy_into(folder: Path) -> None:
+    """Copy the engine's shaders into a new `folder`, with ours in place of two of
+    them."""
+    shutil.copytree(str(files(engine.NAME) / "shaders"), folder)
+    for path in Path(__file__).parent.glob("*.spv"):
+        shutil.copyfile(path, folder / path.name)

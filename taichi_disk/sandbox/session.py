@@ -1,0 +1,387 @@
+"""A sandbox behind its page: it carries out the page's commands between two states and
+packs the messages that the page shows.
+
+A page draws the last state and the last text of each kind, so a slow page misses states
+and nothing else.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from taichi_disk.mechanics.fields import Triangles
+from taichi_disk.mechanics.simulation.observables import INDEX
+from taichi_disk.mechanics.simulation.simulation import KernelCache
+from taichi_disk.pictures.web.drawing import (
+    colour_values,
+    contact_forces,
+    scene_message,
+)
+from taichi_disk.sandbox.controls import (
+    CHOICES,
+    RANGES,
+    REPEATING_KEYS,
+    Controls,
+    Preset,
+    described,
+    values_of,
+)
+from taichi_disk.sandbox.graphs import CURVES, Graphs, ScaleMaxima
+from taichi_disk.sandbox.sandbox import Sandbox, load_key, printed, value_of
+
+MAX_BYTES = 2**10  # limit of a page's message
+MAX_NUMBER = 1e7  # limit of a number in it
+# most commands that wait for the next picture; of some, only the latest counts
+_MAX_PENDING = 64
+# A page's commands and their values, by the part of `Session` that has a method of the
+# same name. Those of the page itself tell that it has drawn a state, ask whether the
+# program is there, or want a film.
+_METHODS = {
+    "controls": "press key, play number, set key value, collect",
+    "sandbox": "scrub t, turn angle final, aim dx dy, throw, pull x y, release, clear,"
+    " remove number",
+    "scales": "rescale",
+    "page": "seen number, alive, film",
+}
+_COMMANDS = {
+    do: (part, values)
+    for part, text in _METHODS.items()
+    for do, *values in map(str.split, text.split(", "))
+}
+# commands of which only the latest counts
+_REPLACED = ("set", "scrub", "turn", "aim", "pull")
+# points; a larger lattice takes longer to build than a picture may take
+LARGE_LATTICE = 5000
+PAST_HINT = "earlier state: Go on continues from here"
+
+
+def read_command(text: Any) -> dict[str, Any] | None:
+    """Return a page's message as {"do": …} with the values of that command, or None if
+    no page sends the message."""
+    try:
+        content = json.loads(text)
+        message = {name: content[name] for name in ("do", *_COMMANDS[content["do"]][1])}
+        key = message.get("key")
+        words = ["do", "key"]
+        if key in CHOICES:
+            words.append("value")
+        is_valid = key in (*RANGES, *CHOICES) or message["do"] != "set"
+        for name, value in message.items():
+            # false for nan
+            is_valid &= (
+                isinstance(value, str) if name in words else abs(value) < MAX_NUMBER
+            )
+        return message if is_valid else None
+    except (ValueError, TypeError, KeyError, RecursionError):
+        return None
+
+
+class Session:
+    """One sandbox. `ti.init` must have been called; neither a display nor Vulkan is
+    needed.
+
+    Attributes:
+        sandbox, controls: the disk and the user's controls.
+        scales: the scales of the picture.
+        messages: the present messages by their kinds: the JSON texts "hello", "scene",
+            "graphs", "panel" and "yaml", and the binary "state".
+        number: of the last state.
+        news: set when something may have to be computed or shown.
+    """
+
+    def __init__(self, playlist: list[Preset], kernels: KernelCache) -> None:
+        """Begin with the first scene of the list. Raises TaichiDiskError if the scene
+        cannot be built."""
+        self.sandbox = Sandbox(playlist[0].load(), kernels)
+        self.controls = Controls(self.sandbox, playlist)
+        self.graphs = Graphs(self.sandbox)
+        self.scales = ScaleMaxima(self.sandbox)
+        self.number = 0
+        self.news = asyncio.Event()
+        self._command_count = 0
+        self._pending: dict[Any, dict[str, Any]] = {}
+        # what the last text of a kind depends on
+        self._keys: dict[str, Any] = {}
+        hello = {
+            "kind": "hello",
+            "columns": [*INDEX],
+            "playlist": [_card(entry) for entry in playlist],
+            "curves": CURVES,
+            "keys": self.controls.reference,
+            "repeating": REPEATING_KEYS,
+        }
+        self.messages: dict[str, Any] = {"hello": json.dumps(hello)}
+        self.advance()
+
+    # ---- commands
+
+    def hear(self, message: dict[str, Any]) -> None:
+        """Keep a command, as `read_command` returns it, until the next picture."""
+        self._command_count += 1
+        key = (
+            (message["do"], message.get("key"))
+            if message["do"] in _REPLACED
+            else self._command_count
+        )
+        self._pending.pop(key, None)  # the latest stands at the end
+        if len(self._pending) < _MAX_PENDING:
+            self._pending[key] = message
+
+    # ---- pictures
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether the next picture will differ from the last one even if nobody does
+        anything."""
+        sandbox = self.sandbox
+        return bool(
+            self._pending
+            or sandbox.grip
+            or sandbox.time.lead > 0.0
+            or not sandbox.paused
+        )
+
+    def advance(self) -> None:
+        """Carry out the commands, let the time since the last picture pass, and write
+        the next picture's messages.
+
+        If that fails, the scene begins anew, and its message says why.
+        """
+        try:
+            self._carry_out_commands()
+            self.sandbox.tick()
+            self._write_messages()
+        except Exception as error:
+            self._begin_anew(described(error))
+            self._write_messages()
+
+    def tell(self, message: str) -> None:
+        """Show a message to the user."""
+        self.sandbox.message = message
+        self._write_messages()
+        self.news.set()
+
+    def _carry_out_commands(self) -> None:
+        while self._pending:
+            first = next(iter(self._pending))
+            self.controls.attempt(self._carry_out, *self._pending.pop(first).values())
+
+    def _carry_out(self, kind: str, *values: Any) -> None:
+        part, _ = _COMMANDS[kind]
+        getattr(getattr(self, part), kind)(*values)
+
+    def _begin_anew(self, reason: str) -> None:
+        """Begin the present scene."""
+        sandbox = self.sandbox
+        self._pending = {}
+        try:
+            sandbox.begin()
+            sandbox.message = f"{reason}; the disk is at the start again"
+        except Exception as error:
+            sandbox.paused = True
+            sandbox.message = f"{reason}: {described(error)}"
+
+    def _write_messages(self) -> None:
+        self.number += 1
+        scene = self.sandbox.scene
+        self._write("scene", self._scene_key(), self._scene)
+        # While the scene is computed again, the old curves stay.
+        if self.sandbox.time.lead <= 0.0:
+            self._write("graphs", self._graphs_key(), self.graphs.message)
+        state = self._state()
+        panel = self._panel()
+        self._write("panel", panel, lambda: panel)
+        self._write("yaml", scene, lambda: {"text": scene.to_yaml()})
+        self.messages["state"] = state
+
+    def _scene_key(self) -> Any:
+        """The scene is sent again if the lattice, the start or the wall's drawing
+        changes."""
+        scenario = self.sandbox.time.display.segment.scenario
+        return (
+            id(scenario.lattice.bonds),
+            scenario.spoke,
+            scenario.view,
+            scenario.scene.wall.a,
+            scenario.point_force,
+        )
+
+    def _graphs_key(self) -> Any:
+        """The graphs are sent again if other curves are shown or the curves end; until
+        then the page itself adds a point with each state."""
+        time = self.sandbox.time
+        last = time.segment
+        hit_began = time.display.segment.hit_began
+        is_past = time.lead < 0.0
+        return last, hit_began, last.status, self.sandbox.paused, is_past
+
+    def _write(
+        self, kind: str, key: Any, content: Callable[[], dict[str, Any]]
+    ) -> None:
+        """Write a JSON message if `key`, on which its content depends, has changed."""
+        if self._keys.get(kind) != key:
+            # in ASCII: names of files may hold what is no Unicode
+            self.messages[kind] = json.dumps({"kind": kind} | content())
+            self._keys[kind] = key
+
+    def _scene(self) -> dict[str, Any]:
+        scenario = self.sandbox.time.display.segment.scenario
+        self._triangles = Triangles(scenario.lattice)
+        video = self.sandbox.scene.video
+        return scene_message(scenario, video, scenario.point_force)
+
+    def _state(self) -> bytes:
+        """Return the binary message of a picture: little-endian float32, and the
+        caption in UTF-8.
+
+        At first stand the number, t since the hit began [R/c], points, forces, the
+        point that the mouse pulls (-1: none), values, the value of full colour and the
+        force of the longest arrow [M c^2/R]. Observables (INDEX), graph values
+        (CURVES), positions (2n), values and forces (3k) follow.
+        """
+        sandbox = self.sandbox
+        state = sandbox.time.display
+        scenario = state.segment.scenario
+        springs = scenario.model.springs
+        lattice = scenario.lattice
+        x = state.x
+        v = state.v
+        video = sandbox.scene.video
+        of_springs = video.draw == "springs"
+        values = colour_values(video.colour, self._triangles, springs, x, v, of_springs)
+        forces = contact_forces(scenario, x, v)
+        scales = self.scales
+        scales.update(values[: lattice.disk_points], forces, video.colour)
+        pulled = sandbox.grip[0] if sandbox.grip else -1
+        t = state.t - state.segment.hit_began
+        header = [
+            self.number,
+            t,
+            len(x),
+            len(forces),
+            pulled,
+            len(values),
+            scales.colour,
+            scales.force,
+        ]
+        curves = self.graphs.values(state.row[None])[0]
+        parts = [header, state.row, curves, x.ravel(), values, forces.ravel()]
+        floats = np.concatenate(parts).astype("<f4")
+        return floats.tobytes() + self._caption(t).encode()
+
+    def _caption(self, t: float) -> str:
+        """Return the lines of the read-out: at first the time, at the end the result,
+        which begins with *."""
+        time = self.sandbox.time
+        scenario = time.display.segment.scenario
+        clock, *motion = scenario.caption(time.display.values | {"t": t})
+        if self.sandbox.at_start:
+            motion = []
+        if time.segment.status == "finished" and time.lead == 0.0:
+            _, result = scenario.primary(time.segment.columns)
+            symbol = scenario.words.symbol
+            motion = [f"*{symbol} = {printed(symbol, result)}"]
+        magnify = self.controls.value("video.magnify")
+        if magnify > 1.0:
+            clock = f"{clock}, displacements × {magnify:g}"
+        return "\n".join([clock, *motion])
+
+    def _panel(self) -> dict[str, Any]:
+        sandbox = self.sandbox
+        controls = self.controls
+        entry = controls.playlist[controls.number]
+        words = sandbox.time.display.segment.scenario.words
+        load = RANGES[load_key(sandbox.scene)]
+        return {
+            "message": sandbox.message or self.scales.note,
+            "refusals": controls.refusals,
+            "status": sandbox.status,
+            "warnings": sandbox.warnings,
+            "paused": sandbox.paused,
+            "slow": sandbox.slow,
+            "aimed": sandbox.drawn_throw,
+            "name": entry.name,
+            "question": entry.question,
+            "answer": sandbox.answer,
+            "number": controls.number,
+            "title": [entry.name, *words.title[1:]],
+            "hint": PAST_HINT if sandbox.time.lead < 0.0 else "",
+            "atStart": sandbox.at_start,
+            "sliders": self._sliders(),
+            "choices": self._choices(),
+            "seed": sandbox.scene.lattice.seed,
+            "collecting": len(sandbox.remaining_loads),
+            "results": [one._asdict() for one in sandbox.results],
+            "again": self._recomputed(),
+            "loadRange": (load.low, load.high),
+        }
+
+    def _recomputed(self) -> float:
+        """Return the fraction of the way to the state on display that has been computed
+        again, or 1."""
+        time = self.sandbox.time
+        if time.lead <= 0.0:
+            return 1.0
+        return round(time.segment.now / time.display.t, 2)
+
+    def _sliders(self) -> list[dict[str, Any]]:
+        """Return the sliders of the scene.
+
+        `live`: whether the number changes while its slider is dragged. A change that
+        takes long waits until the slider is let go.
+        """
+        sandbox = self.sandbox
+        is_large = sandbox.scene.lattice.points > LARGE_LATTICE
+        is_slow = sandbox.at_start and (is_large or not sandbox.can_aim)
+        sliders = []
+        for key, one in self.controls.ranges.items():
+            is_light = key in ("speed", "video.magnify")
+            live = key != "lattice.points" and (is_light or not is_slow)
+            value = self.controls.value(key)
+            sliders.append({"key": key, "value": value, "live": live} | one._asdict())
+        return sliders
+
+    def _choices(self) -> list[dict[str, Any]]:
+        """Return the choices of the present scene."""
+        choices = []
+        for key, (name, _) in CHOICES.items():
+            value = self.controls.value(key)
+            if value is not None:
+                choice = {"key": key, "name": name, "value": value}
+                choices.append(choice | {"options": values_of(key)})
+        return choices
+
+
+# keys of what a small picture of a scene shows
+_SKETCHED = (
+    "wall.a",
+    "wall.boundary",
+    "impact.velocity",
+    "impact.angle",
+    "impact.spin",
+    "impact.turn",
+    "compression.pressure",
+)
+
+
+@cache
+def _card(entry: Preset) -> dict[str, Any]:
+    """Return what the page's list shows of a scene; the numbers of its first state, for
+    a small picture, only if the scene is one of the program's."""
+    card: dict[str, Any] = {
+        "name": entry.name,
+        "question": entry.question,
+        "group": entry.group,
+    }
+    if entry.group:
+        scene = entry.load()
+        card["kind"] = scene.scene
+        for key in _SKETCHED:
+            card[key.partition(".")[2]] = value_of(scene, key)
+    return card

@@ -1,0 +1,1 @@
+"""Many runs: sweeps, the laws that are fitted to them, and what limits the accuracy."""
