@@ -19,7 +19,7 @@ from taichi_disk.experiments.scenes import (
     shipped_scenes,
 )
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 KEYS = {
     kind: {
         (section_name, name): key

@@ -22,7 +22,7 @@ from taichi_disk.sandbox.controls import CHOICES, CURVE_POINTS, RANGES
 from taichi_disk.sandbox.graphs import CURVES
 from taichi_disk.sandbox.session import Session, read_command
 
-WEB = Path(__file__).parents[2] / "taichi_disk" / "pictures" / "web"
+WEB = Path(__file__).parents[3] / "taichi_disk" / "pictures" / "web"
 
 
 @pytest.fixture

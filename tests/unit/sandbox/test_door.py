@@ -10,7 +10,7 @@ from websockets.server import ServerProtocol
 
 from taichi_disk.sandbox.door import answer
 
-WEB = Path(__file__).parents[2] / "taichi_disk" / "pictures" / "web"
+WEB = Path(__file__).parents[3] / "taichi_disk" / "pictures" / "web"
 TOKEN = "secret99"
 SOCKET = f"/{TOKEN}/socket"
 HERE = "127.0.0.1:1"

@@ -14,7 +14,7 @@ from taichi_disk.base import engine, runtime
 from taichi_disk.base.engine import environment, internals, ti
 from taichi_disk.base.errors import TaichiDiskError
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 INIT = "__init__.py"
 
 
