@@ -3,6 +3,8 @@ end."""
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from taichi_disk.mechanics.lattice import Array
@@ -15,13 +17,37 @@ CONTACT_LEVEL = 0.01
 STRETCHED = 0.1
 
 
+def flights(columns: Columns) -> list[int]:
+    """Return a row of each flight: the first row, the highest one between two impacts,
+    and the last one of the last flight; an impact lies below the height of the start.
+
+    Without gravity there are two.
+    """
+    height = columns["com_y"]
+    if not columns["load"].any():
+        return [0, len(height) - 1]
+    above = height >= height[0]
+    rises = np.flatnonzero(above[1:] & ~above[:-1]) + 1
+    return [0] + [
+        int(first + height[first:after].argmax())
+        for first, after in pairwise([*rises, len(height)])
+    ]
+
+
+def first_bounce(columns: Columns) -> Columns:
+    """Return the rows until the highest point after the first impact."""
+    last = flights(columns)[:2][-1]
+    return {name: values[: last + 1] for name, values in columns.items()}
+
+
 def contact_interval(columns: Columns) -> tuple[float, float]:
-    """Return the first and last times at which the wall's force crosses CONTACT_LEVEL
+    """Return for the first impact the first and last times at which the wall's force crosses CONTACT_LEVEL
     of its peak, log-linear between samples.
 
     If no sample of a very short contact has a force, return the sample times between
     which the disk turned back.
     """
+    columns = first_bounce(columns)
     t = columns["t"]
     force = columns["wall_force"]
     if not force.any():
@@ -53,6 +79,7 @@ def results_time(columns: Columns) -> float:
     last contact."""
     # Afterwards dashpots reduce both. Without losses, they are measured at the end of
     # the run, far from the wall.
+    columns = first_bounce(columns)
     t = columns["t"]
     if not (columns["dissipated"][-1] or columns["absorbed"][-1]):
         return float(t[-1])

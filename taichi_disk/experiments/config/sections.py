@@ -325,6 +325,17 @@ class ImpactSection(Section):
     max_time: Auto | float = key(
         "auto", "time limit for the disk to leave the wall", "R/c", low=1e-6, high=1e6
     )
+    gravity: float = key(0.0, "downward acceleration of the disk", "c^2/R", high=0.1)
+    bounces: int = key(
+        1, "number of impacts; more than one need gravity", low=1, high=100
+    )
+
+    @property
+    def height(self) -> float:
+        """How high a disk rises that keeps the speed of its start [R]."""
+        if not self.gravity:
+            return 0.0
+        return self.towards**2 / (2.0 * self.gravity)
 
     @property
     def towards(self) -> float:

@@ -67,6 +67,13 @@ def gap_conflicts(wall: ExponentialPotential, impact: ImpactSection) -> Conflict
     return [("impact.gap", f"{reason}: write at least {rounded_up(least)} R, or auto")]
 
 
+def bounce_conflicts(impact: ImpactSection) -> Conflicts:
+    if impact.bounces > 1 and not impact.gravity:
+        text = "without gravity there is one impact: write impact.gravity, too"
+        return [("impact.bounces", text)]
+    return []
+
+
 def least_threshold(wall: ExponentialPotential, velocity: float) -> float:
     """Return the smallest allowed cut-off distance of the contact [R], where its
     potential is 1e-5 of v^2/2.

@@ -12,7 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_disk.base.errors import InputError
-from taichi_disk.experiments.computation.contact import CONTACT_LEVEL, contact_interval
+from taichi_disk.experiments.computation.contact import (
+    CONTACT_LEVEL,
+    contact_interval,
+    flights,
+)
 from taichi_disk.experiments.computation.scenario import (
     Array,
     Scenario,
@@ -21,7 +25,11 @@ from taichi_disk.experiments.computation.scenario import (
     time_text,
 )
 from taichi_disk.experiments.scenes import oblique
-from taichi_disk.experiments.scenes.conflicts import Conflicts, gap_conflicts
+from taichi_disk.experiments.scenes.conflicts import (
+    Conflicts,
+    bounce_conflicts,
+    gap_conflicts,
+)
 from taichi_disk.experiments.scenes.scene import DiskScene
 from taichi_disk.mechanics.lattice import Lattice, disk_of
 from taichi_disk.mechanics.lattice.network import bending_compliance, network_stiffness
@@ -110,7 +118,15 @@ class ImpactScene(DiskScene):
     slip_remedy = ""  # advice for a disk that has left the wall's end
     abscissa = ("impact", "velocity")
     results = ("restitution", "contact_time")
-    optional_results = tuple(oblique.LABELS)
+
+    @property
+    def later_bounces(self) -> list[str]:
+        """Names of the restitutions of the bounces after the first."""
+        return [f"restitution_{k}" for k in range(2, self.impact.bounces + 1)]
+
+    @property
+    def optional_results(self) -> tuple[str, ...]:  # type: ignore[override]
+        return (*self.later_bounces, *oblique.LABELS)
 
     wall: Any = None
     impact: Any = None
@@ -121,7 +137,8 @@ class ImpactScene(DiskScene):
         return self.material.k_a
 
     def conflicts(self) -> Conflicts:
-        return super().conflicts() + gap_conflicts(self.wall, self.impact)
+        found = super().conflicts() + bounce_conflicts(self.impact)
+        return found + gap_conflicts(self.wall, self.impact)
 
     def thrown_with(self, body: Lattice, velocities: Array) -> Self:
         super().thrown_with(body, velocities)
@@ -144,12 +161,15 @@ class ImpactScene(DiskScene):
 
     def of_body(self, body: Lattice) -> ImpactScenario:
         from taichi_disk.experiments.computation.stability import impact_point_force
+        from taichi_disk.mechanics.physics import Load
 
         springs = self.springs(body)
         velocity = self.impact.towards
         shape = self._shape(body, springs)
         gap, lattice = self._placed(body, shape)
         model = self.model_of(lattice, springs)
+        if self.impact.gravity:
+            model = replace(model, load=Load(self.impact.gravity))
         assert model.wall is not None
         potential = max(model.wall.energy(lattice, lattice.positions), 0.0)
         spoke = -1
@@ -193,7 +213,8 @@ class ImpactScene(DiskScene):
         if self.wall.friction:  # by which a spin that rolls turns into motion
             rolling = (2.0 * self.impact.along - self.impact.spin) / 3.0
             path.append(contact + 1.2 * gap * rolling / self.impact.towards)
-        return min(path) - 1.1, max(path) + 1.1, -0.1, 2.0 + gap
+        top = 2.0 + max(gap, self.impact.height)
+        return min(path) - 1.1, max(path) + 1.1, -0.1, top
 
     def _shape(self, body: Lattice, springs: Springs) -> Shape:
         disk = disk_of(body)
@@ -265,7 +286,10 @@ class ImpactScene(DiskScene):
         contact_time = max(hertz_time, half_bending_period)
         # 1 for the flight to the wall, 1/0.05 = 20 for the flight away, 1 in reserve
         flight_times = 22.0 * (gap + shape.outline_depth) / velocity
-        return float(flight_times + 10.0 * contact_time)
+        impact_time = 10.0 * contact_time
+        if self.impact.gravity:
+            impact_time += 2.0 * velocity / self.impact.gravity
+        return float(flight_times + self.impact.bounces * impact_time)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -285,6 +309,10 @@ class ImpactScenario(Scenario):
     speed_before: float
 
     is_thrown = True
+
+    @property
+    def ends_by_history(self) -> bool:
+        return bool(self.scene.impact.gravity)
 
     @property
     def velocity(self) -> float:
@@ -314,6 +342,11 @@ class ImpactScenario(Scenario):
         # rod bends more. A disk that turns faster than it rises must clear the wall
         # entirely.
         last = {name: float(values[-1]) for name, values in columns.items()}
+        if len(flights(columns)) <= self.scene.impact.bounces:
+            rise = float(columns["com_y"][0]) - last["com_y"]
+            if 0.0 < rise and 0.0 < last["com_vy"]:
+                return rise / last["com_vy"]
+            return inf
         spin = last["angular_momentum"] / self.shape.inertia
         speed2 = last["com_vx"] ** 2 + last["com_vy"] ** 2
         rigid = 0.5 * (speed2 + self.shape.inertia * spin**2)
@@ -341,12 +374,9 @@ class ImpactScenario(Scenario):
         )
 
     def end_truncation_error(self, columns: Columns) -> float:
-        gained = (
-            self.speed_before
-            - self.velocity
-            + self._speed_after(columns)
-            - float(columns["com_vy"][-1])
-        )
+        last = float(columns["com_vy"][-1])
+        far = np.sqrt(last**2 + 2.0 * max(columns["wall"][-1], 0.0))
+        gained = self.speed_before - self.velocity + float(far) - last
         return POTENTIAL_CAUTION * gained / self.velocity
 
     @cached_property
@@ -367,28 +397,39 @@ class ImpactScenario(Scenario):
 
     def result(self, columns: Columns) -> dict[str, float]:
         start, end = contact_interval(columns)
-        found = {
-            "restitution": self._speed_after(columns) / self.speed_before,
-            "contact_time": end - start,
-        }
+        speeds = self._speeds(columns)
+        ratios = speeds[1:] / speeds[:-1]
+        found = {"restitution": float(ratios[0]), "contact_time": end - start}
+        for number, ratio in enumerate(ratios[1:], 2):
+            found[f"restitution_{number}"] = float(ratio)
         if self.scene.is_oblique:
             inertia = self.shape.inertia
-            found |= oblique.along_the_wall(columns, self.outline, inertia)
+            first = first_bounce(columns)
+            found |= oblique.along_the_wall(first, self.outline, inertia)
             if not (self.model.has_friction or self.model.elastic):
                 del found["tangential_impulse"]  # 0, but for rounding errors
         return found
 
     def result_scales(self, columns: Columns) -> dict[str, float]:
         scales = {"restitution": 1.0, "contact_time": 0.0}
+        scales |= dict.fromkeys(self.scene.later_bounces, 1.0)
         if self.scene.is_oblique:
             inertia = self.shape.inertia
             scales |= oblique.scales_along_the_wall(columns, self.outline, inertia)
         return scales
 
+    def _speeds(self, columns: Columns) -> Array:
+        """Return the speeds (flights,) [c] far from the wall at the height of the
+        start."""
+        rows = flights(columns)
+        work = columns["load"] - columns["load"][0]
+        energy = np.maximum(columns["wall"], 0.0) + work
+        speeds = np.sqrt((columns["com_vy"] ** 2 + 2.0 * energy)[rows])
+        speeds[0] = self.speed_before
+        return np.asarray(speeds)
+
     def _speed_after(self, columns: Columns) -> float:
-        return float(
-            np.sqrt(columns["com_vy"][-1] ** 2 + 2.0 * max(columns["wall"][-1], 0.0))
-        )
+        return float(self._speeds(columns)[1])
 
     def conclusion(self, columns: Columns) -> str:
         before = self.speed_before
@@ -429,13 +470,17 @@ class ImpactScenario(Scenario):
         return Words(
             title=self._title(),
             symbol="e",
-            labels=LABELS,
+            labels=self._labels(),
             measured=MEASURED,
             marks=("e = {restitution:.3f}", "contact time {contact_time:.4g} R/c"),
             motion=motion,
             quality=("energy imbalance\n/ initial kinetic", "linear"),
             truncation_remedy="a larger impact.gap ends it farther from the wall",
         )
+
+    def _labels(self) -> dict[str, tuple[str, str]]:
+        later = {name: (name.replace("_", " "), "") for name in self.scene.later_bounces}
+        return LABELS | later
 
     def _title(self) -> tuple[str, ...]:
         heading = self.scene.heading
@@ -458,6 +503,7 @@ class ImpactScenario(Scenario):
             "spin {:g} c/R": impact.spin,
             "μ = {:g}": scene.wall.friction,
             "turned by {:g}": impact.turn,
+            "g = {:g} c²/R": impact.gravity,
         }
         numbers |= {text: text.format(one) for text, one in optional.items() if one}
         if self.own.velocities is not None:

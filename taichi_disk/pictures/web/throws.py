@@ -59,6 +59,7 @@ def throwable(flight: Flight, video: VideoSection) -> dict[str, Any] | None:
     if (
         scene.scene != "exponential_wall"
         or scene.is_oblique
+        or scene.impact.gravity
         or (settings.dt, settings.tolerance) != ("auto", "none")
         or scene.lattice.file != "none"
         or scene.material.dashpot != "vector"
