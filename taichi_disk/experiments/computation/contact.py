@@ -18,36 +18,41 @@ STRETCHED = 0.1
 
 
 def flights(columns: Columns) -> list[int]:
-    """Return a row of each flight: the first row, the highest one between two impacts,
-    and the last one of the last flight; an impact lies below the height of the start.
-
-    Without gravity there are two.
-    """
+    """Return a row of each flight: the first row, and under gravity the highest row
+    after each time that the disk rises above the height of its start. Without gravity,
+    or if it never rises so high, the second is the last row."""
     height = columns["com_y"]
-    if not columns["load"].any():
-        return [0, len(height) - 1]
+    last = len(height) - 1
+    if not columns["load"][-1]:
+        return [0, last]
     above = height >= height[0]
     rises = np.flatnonzero(above[1:] & ~above[:-1]) + 1
-    return [0] + [
+    tops = [
         int(first + height[first:after].argmax())
-        for first, after in pairwise([*rises, len(height)])
+        for first, after in pairwise([*rises, last + 1])
+    ]
+    return [0, *(tops or [last])]
+
+
+def contact_intervals(columns: Columns) -> list[tuple[float, float]]:
+    """Return the `contact_interval` of each impact."""
+    return [
+        _interval({name: values[first : after + 1] for name, values in columns.items()})
+        for first, after in pairwise(flights(columns))
     ]
 
 
-def first_bounce(columns: Columns) -> Columns:
-    """Return the rows until the highest point after the first impact."""
-    last = flights(columns)[:2][-1]
-    return {name: values[: last + 1] for name, values in columns.items()}
-
-
 def contact_interval(columns: Columns) -> tuple[float, float]:
-    """Return for the first impact the first and last times at which the wall's force crosses CONTACT_LEVEL
-    of its peak, log-linear between samples.
+    """Return the first and last times at which the wall's force crosses CONTACT_LEVEL
+    of its peak, log-linear between samples; of several impacts those of the first.
 
     If no sample of a very short contact has a force, return the sample times between
     which the disk turned back.
     """
-    columns = first_bounce(columns)
+    return contact_intervals(columns)[0]
+
+
+def _interval(columns: Columns) -> tuple[float, float]:
     t = columns["t"]
     force = columns["wall_force"]
     if not force.any():
@@ -79,10 +84,9 @@ def results_time(columns: Columns) -> float:
     last contact."""
     # Afterwards dashpots reduce both. Without losses, they are measured at the end of
     # the run, far from the wall.
-    columns = first_bounce(columns)
     t = columns["t"]
     if not (columns["dissipated"][-1] or columns["absorbed"][-1]):
-        return float(t[-1])
+        return float(t[flights(columns)[1]])
     return contact_interval(columns)[1]
 
 

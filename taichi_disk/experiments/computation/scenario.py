@@ -86,11 +86,6 @@ class Scenario(ABC):
 
     # ---- the end
 
-    @property
-    def ends_by_history(self) -> bool:
-        """Whether `time_to_end` needs all rows, not only those of the settling time."""
-        return False
-
     def end_bounds(self) -> dict[str, tuple[float, float]]:
         """Return (smallest, largest) value of columns at the end of the scene; kernels
         stop when all are within."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from dataclasses import Field, dataclass, field, fields
 from functools import cache
-from math import cos, sin
+from math import cos, sin, sqrt
 from typing import (
     TYPE_CHECKING,
     Any,
@@ -294,6 +294,9 @@ class ElasticWallSection(ExponentialPotential, Section):
     )
 
 
+MOST_BOUNCES = 100
+
+
 class ImpactSection(Section):
     """Initial conditions of an impact."""
 
@@ -326,16 +329,31 @@ class ImpactSection(Section):
         "auto", "time limit for the disk to leave the wall", "R/c", low=1e-6, high=1e6
     )
     gravity: float = key(0.0, "downward acceleration of the disk", "c^2/R", high=0.1)
-    bounces: int = key(
-        1, "number of impacts; more than one need gravity", low=1, high=100
+    drop: float = key(
+        0.0, "height of a fall that gives the velocity; 0: none", "R", high=100
+    )
+    bounces: Auto | int = key(
+        "auto",
+        "number of impacts; auto: 1, under gravity 3",
+        low=1,
+        high=MOST_BOUNCES,
     )
 
+    def __post_init__(self) -> None:
+        if self.fall_speed and self.velocity == ImpactSection.velocity:
+            object.__setattr__(self, "velocity", self.fall_speed)
+
     @property
-    def height(self) -> float:
-        """How high a disk rises that keeps the speed of its start [R]."""
-        if not self.gravity:
-            return 0.0
-        return self.towards**2 / (2.0 * self.gravity)
+    def fall_speed(self) -> float:
+        """Speed after a fall from the height `drop` [c]; 0 without gravity."""
+        return sqrt(2.0 * self.gravity * self.drop)
+
+    @property
+    def impacts(self) -> int:
+        """Number of impacts."""
+        if self.bounces != "auto":
+            return self.bounces
+        return 3 if self.gravity else 1
 
     @property
     def towards(self) -> float:

@@ -67,11 +67,34 @@ def gap_conflicts(wall: ExponentialPotential, impact: ImpactSection) -> Conflict
     return [("impact.gap", f"{reason}: write at least {rounded_up(least)} R, or auto")]
 
 
-def bounce_conflicts(impact: ImpactSection) -> Conflicts:
-    if impact.bounces > 1 and not impact.gravity:
-        text = "without gravity there is one impact: write impact.gravity, too"
-        return [("impact.bounces", text)]
-    return []
+def bounce_conflicts(impact: ImpactSection, reach: float) -> Conflicts:
+    """Return the conflicts of gravity. `reach`: height up to which the disk feels the
+    wall [R]."""
+    g = impact.gravity
+    rise = impact.velocity**2 / 2.0
+    most = f"{0.99 * rise / reach:.2g}"
+    found = {
+        "impact.bounces": (
+            "nothing falls back without gravity: write impact.gravity, too",
+            not g and impact.impacts > 1,
+        ),
+        "impact.drop": (
+            f"impact.velocity = {impact.velocity:g} is not the speed of this fall:"
+            f" write {ImpactSection.velocity:g}, its default, or drop=0; a fall needs"
+            " impact.gravity, too",
+            impact.drop and impact.velocity != impact.fall_speed,
+        ),
+        "impact.gap": (
+            "heights under gravity begin where the wall is hardly felt: write auto",
+            g and impact.gap != "auto",
+        ),
+        "impact.gravity": (
+            f"the disk would lie on the wall, which it feels up to {reach:.2g} R: write"
+            f" at most {most}, or a higher velocity",
+            g * reach > rise,
+        ),
+    }
+    return [(key, text) for key, (text, is_met) in found.items() if is_met]
 
 
 def least_threshold(wall: ExponentialPotential, velocity: float) -> float:

@@ -24,6 +24,7 @@ from taichi_disk.experiments.computation.scenario import (
     signed,
     time_text,
 )
+from taichi_disk.experiments.config.sections import MOST_BOUNCES
 from taichi_disk.experiments.scenes import oblique
 from taichi_disk.experiments.scenes.conflicts import (
     Conflicts,
@@ -68,8 +69,14 @@ RESOLVED = 0.49
 
 LEAST_SHARE = 5e-4  # of the energy that is worth a word
 
+# results of the bounces after the first, under gravity
+LATER = {
+    f"restitution_{number}": (f"restitution e of bounce {number}", "")
+    for number in range(2, MOST_BOUNCES + 1)
+}
 LABELS = {
     "restitution": ("restitution e", ""),
+    **LATER,
     "contact_time": ("contact time", "R/c"),
     **oblique.LABELS,
 }
@@ -119,14 +126,7 @@ class ImpactScene(DiskScene):
     abscissa = ("impact", "velocity")
     results = ("restitution", "contact_time")
 
-    @property
-    def later_bounces(self) -> list[str]:
-        """Names of the restitutions of the bounces after the first."""
-        return [f"restitution_{k}" for k in range(2, self.impact.bounces + 1)]
-
-    @property
-    def optional_results(self) -> tuple[str, ...]:  # type: ignore[override]
-        return (*self.later_bounces, *oblique.LABELS)
+    optional_results = (*LATER, *oblique.LABELS)
 
     wall: Any = None
     impact: Any = None
@@ -137,8 +137,9 @@ class ImpactScene(DiskScene):
         return self.material.k_a
 
     def conflicts(self) -> Conflicts:
-        found = super().conflicts() + bounce_conflicts(self.impact)
-        return found + gap_conflicts(self.wall, self.impact)
+        found = super().conflicts() + gap_conflicts(self.wall, self.impact)
+        reach = oblique.start_gap(self.wall, self.impact, self.time)
+        return found + bounce_conflicts(self.impact, reach)
 
     def thrown_with(self, body: Lattice, velocities: Array) -> Self:
         super().thrown_with(body, velocities)
@@ -155,7 +156,15 @@ class ImpactScene(DiskScene):
             return self
         # exactly 0 straight down, in spite of rounding
         angle = round(angle, 12)
-        return self.with_({"impact.velocity": speed, "impact.angle": angle})
+        return self.with_(
+            {"impact.velocity": speed, "impact.angle": angle, "impact.drop": 0.0}
+        )
+
+    def changes_with(self, key: str, value: Any) -> dict[str, Any]:
+        changes = super().changes_with(key, value)
+        if key in ("impact.velocity", "impact.gravity"):
+            changes["impact.drop"] = 0.0
+        return changes
 
     # ---- the start
 
@@ -166,6 +175,11 @@ class ImpactScene(DiskScene):
         springs = self.springs(body)
         velocity = self.impact.towards
         shape = self._shape(body, springs)
+        if self.impact.gravity and (self.is_oblique or not shape.is_round):
+            raise InputError(
+                "impact.gravity: only round bodies bounce, thrown straight down without"
+                " spin at a wall without friction: write gravity: 0, or change the rest"
+            )
         gap, lattice = self._placed(body, shape)
         model = self.model_of(lattice, springs)
         if self.impact.gravity:
@@ -213,7 +227,9 @@ class ImpactScene(DiskScene):
         if self.wall.friction:  # by which a spin that rolls turns into motion
             rolling = (2.0 * self.impact.along - self.impact.spin) / 3.0
             path.append(contact + 1.2 * gap * rolling / self.impact.towards)
-        top = 2.0 + max(gap, self.impact.height)
+        top = 2.0 + gap
+        if self.impact.gravity:
+            top += 0.5 * self.impact.velocity**2 / self.impact.gravity
         return min(path) - 1.1, max(path) + 1.1, -0.1, top
 
     def _shape(self, body: Lattice, springs: Springs) -> Shape:
@@ -289,7 +305,7 @@ class ImpactScene(DiskScene):
         impact_time = 10.0 * contact_time
         if self.impact.gravity:
             impact_time += 2.0 * velocity / self.impact.gravity
-        return float(flight_times + self.impact.bounces * impact_time)
+        return float(flight_times + self.impact.impacts * impact_time)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -311,10 +327,6 @@ class ImpactScenario(Scenario):
     is_thrown = True
 
     @property
-    def ends_by_history(self) -> bool:
-        return bool(self.scene.impact.gravity)
-
-    @property
     def velocity(self) -> float:
         """Initial velocity v of the centre of mass towards the wall [c]."""
         return float(self.scene.impact.towards)
@@ -333,6 +345,8 @@ class ImpactScenario(Scenario):
     # ---- the end
 
     def end_bounds(self) -> dict[str, tuple[float, float]]:
+        if self.scene.impact.gravity:  # it may stay on the wall
+            return {}
         return {"com_vy": (0.0, np.inf), "lowest_y": (self.gap, np.inf)}
 
     def time_to_end(self, columns: Columns) -> float:
@@ -342,11 +356,8 @@ class ImpactScenario(Scenario):
         # rod bends more. A disk that turns faster than it rises must clear the wall
         # entirely.
         last = {name: float(values[-1]) for name, values in columns.items()}
-        if len(flights(columns)) <= self.scene.impact.bounces:
-            rise = float(columns["com_y"][0]) - last["com_y"]
-            if 0.0 < rise and 0.0 < last["com_vy"]:
-                return rise / last["com_vy"]
-            return inf
+        if self.scene.impact.gravity:
+            return self._time_to_apex(columns, last)
         spin = last["angular_momentum"] / self.shape.inertia
         speed2 = last["com_vx"] ** 2 + last["com_vy"] ** 2
         rigid = 0.5 * (speed2 + self.shape.inertia * spin**2)
@@ -359,6 +370,19 @@ class ImpactScenario(Scenario):
         if last["com_vy"] <= 0.0:
             return inf
         return float(max(clear - lowest, 0.0)) / last["com_vy"]
+
+    def _time_to_apex(self, columns: Columns, last: dict[str, float]) -> float:
+        """Return 0 if the disk has passed the highest point after its last impact, or
+        stays on the wall because its energy does not suffice to lift it to the height
+        of its start; otherwise about how much later to look again [R/c]."""
+        impact = self.scene.impact
+        v = last["com_vy"]
+        has_fallen = v <= 0.0 and last["com_y"] > columns["com_y"][0]
+        is_last = len(flights(columns)) > impact.impacts
+        stored = sum(last[name] for name in of_kind("energy"))
+        if (has_fallen and is_last) or stored < columns["load"][0]:
+            return 0.0
+        return abs(v) / impact.gravity + self.gap / self.velocity
 
     def unfinished(self, columns: Columns) -> str:
         v = columns["com_vy"][-1]
@@ -397,22 +421,21 @@ class ImpactScenario(Scenario):
 
     def result(self, columns: Columns) -> dict[str, float]:
         start, end = contact_interval(columns)
-        speeds = self._speeds(columns)
+        speeds = self._speeds(columns)[: self.scene.impact.impacts + 1]
         ratios = speeds[1:] / speeds[:-1]
         found = {"restitution": float(ratios[0]), "contact_time": end - start}
         for number, ratio in enumerate(ratios[1:], 2):
             found[f"restitution_{number}"] = float(ratio)
         if self.scene.is_oblique:
             inertia = self.shape.inertia
-            first = first_bounce(columns)
-            found |= oblique.along_the_wall(first, self.outline, inertia)
+            found |= oblique.along_the_wall(columns, self.outline, inertia)
             if not (self.model.has_friction or self.model.elastic):
                 del found["tangential_impulse"]  # 0, but for rounding errors
         return found
 
     def result_scales(self, columns: Columns) -> dict[str, float]:
         scales = {"restitution": 1.0, "contact_time": 0.0}
-        scales |= dict.fromkeys(self.scene.later_bounces, 1.0)
+        scales |= dict.fromkeys(LATER, 1.0)
         if self.scene.is_oblique:
             inertia = self.shape.inertia
             scales |= oblique.scales_along_the_wall(columns, self.outline, inertia)
@@ -424,7 +447,8 @@ class ImpactScenario(Scenario):
         rows = flights(columns)
         work = columns["load"] - columns["load"][0]
         energy = np.maximum(columns["wall"], 0.0) + work
-        speeds = np.sqrt((columns["com_vy"] ** 2 + 2.0 * energy)[rows])
+        squares = (columns["com_vy"] ** 2 + 2.0 * energy)[rows]
+        speeds = np.sqrt(np.maximum(squares, 0.0))  # 0: it stays on the wall
         speeds[0] = self.speed_before
         return np.asarray(speeds)
 
@@ -470,17 +494,13 @@ class ImpactScenario(Scenario):
         return Words(
             title=self._title(),
             symbol="e",
-            labels=self._labels(),
+            labels=LABELS,
             measured=MEASURED,
             marks=("e = {restitution:.3f}", "contact time {contact_time:.4g} R/c"),
             motion=motion,
             quality=("energy imbalance\n/ initial kinetic", "linear"),
             truncation_remedy="a larger impact.gap ends it farther from the wall",
         )
-
-    def _labels(self) -> dict[str, tuple[str, str]]:
-        later = {name: (name.replace("_", " "), "") for name in self.scene.later_bounces}
-        return LABELS | later
 
     def _title(self) -> tuple[str, ...]:
         heading = self.scene.heading
