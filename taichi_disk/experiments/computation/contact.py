@@ -3,8 +3,6 @@ end."""
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
 from taichi_disk.mechanics.lattice import Array
@@ -17,42 +15,30 @@ CONTACT_LEVEL = 0.01
 STRETCHED = 0.1
 
 
+def apexes(columns: Columns) -> list[int]:
+    """Return the rows at which the centre of mass begins to fall, above the height of
+    its start: one after each bounce under gravity."""
+    v = columns["com_vy"]
+    is_high = columns["com_y"] > columns["com_y"][0]
+    falls = (v[:-1] > 0.0) & (v[1:] <= 0.0) & is_high[1:]
+    return [int(row) for row in np.flatnonzero(falls) + 1]
+
+
 def flights(columns: Columns) -> list[int]:
-    """Return a row of each flight: the first row, and under gravity the highest row
-    after each time that the disk rises above the height of its start. Without gravity,
-    or if it never rises so high, the second is the last row."""
-    height = columns["com_y"]
-    last = len(height) - 1
-    if not columns["load"][-1]:
-        return [0, last]
-    above = height >= height[0]
-    rises = np.flatnonzero(above[1:] & ~above[:-1]) + 1
-    tops = [
-        int(first + height[first:after].argmax())
-        for first, after in pairwise([*rises, last + 1])
-    ]
-    return [0, *(tops or [last])]
+    """Return one row of each flight: the first row, then the apexes; the last row if
+    there is none."""
+    return [0, *(apexes(columns) or [len(columns["t"]) - 1])]
 
 
-def contact_intervals(columns: Columns) -> list[tuple[float, float]]:
-    """Return the `contact_interval` of each impact."""
-    return [
-        _interval({name: values[first : after + 1] for name, values in columns.items()})
-        for first, after in pairwise(flights(columns))
-    ]
-
-
-def contact_interval(columns: Columns) -> tuple[float, float]:
+def contact_interval(columns: Columns, bounce: int = 0) -> tuple[float, float]:
     """Return the first and last times at which the wall's force crosses CONTACT_LEVEL
-    of its peak, log-linear between samples; of several impacts those of the first.
+    of its peak, log-linear between samples. `bounce`: number of the impact, from 0.
 
     If no sample of a very short contact has a force, return the sample times between
     which the disk turned back.
     """
-    return contact_intervals(columns)[0]
-
-
-def _interval(columns: Columns) -> tuple[float, float]:
+    before, after = flights(columns)[bounce : bounce + 2]
+    columns = {name: values[before : after + 1] for name, values in columns.items()}
     t = columns["t"]
     force = columns["wall_force"]
     if not force.any():

@@ -294,9 +294,6 @@ class ElasticWallSection(ExponentialPotential, Section):
     )
 
 
-MOST_BOUNCES = 100
-
-
 class ImpactSection(Section):
     """Initial conditions of an impact."""
 
@@ -332,28 +329,23 @@ class ImpactSection(Section):
     drop: float = key(
         0.0, "height of a fall that gives the velocity; 0: none", "R", high=100
     )
-    bounces: Auto | int = key(
-        "auto",
-        "number of impacts; auto: 1, under gravity 3",
-        low=1,
-        high=MOST_BOUNCES,
-    )
+    bounces: int = key(1, "number of impacts; several need gravity", low=1, high=100)
 
     def __post_init__(self) -> None:
         if self.fall_speed and self.velocity == ImpactSection.velocity:
             object.__setattr__(self, "velocity", self.fall_speed)
 
     @property
+    def rise(self) -> float:
+        """How high a disk rises that keeps its speed [R]; 0 without gravity."""
+        if not self.gravity:
+            return 0.0
+        return 0.5 * self.velocity**2 / self.gravity
+
+    @property
     def fall_speed(self) -> float:
         """Speed after a fall from the height `drop` [c]; 0 without gravity."""
         return sqrt(2.0 * self.gravity * self.drop)
-
-    @property
-    def impacts(self) -> int:
-        """Number of impacts."""
-        if self.bounces != "auto":
-            return self.bounces
-        return 3 if self.gravity else 1
 
     @property
     def towards(self) -> float:

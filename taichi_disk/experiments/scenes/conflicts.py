@@ -71,12 +71,11 @@ def bounce_conflicts(impact: ImpactSection, reach: float) -> Conflicts:
     """Return the conflicts of gravity. `reach`: height up to which the disk feels the
     wall [R]."""
     g = impact.gravity
-    rise = impact.velocity**2 / 2.0
-    most = f"{0.99 * rise / reach:.2g}"
+    most = f"{0.99 * g * impact.rise / reach:.2g}"
     found = {
         "impact.bounces": (
             "nothing falls back without gravity: write impact.gravity, too",
-            not g and impact.impacts > 1,
+            not g and impact.bounces > 1,
         ),
         "impact.drop": (
             f"impact.velocity = {impact.velocity:g} is not the speed of this fall:"
@@ -91,7 +90,7 @@ def bounce_conflicts(impact: ImpactSection, reach: float) -> Conflicts:
         "impact.gravity": (
             f"the disk would lie on the wall, which it feels up to {reach:.2g} R: write"
             f" at most {most}, or a higher velocity",
-            g * reach > rise,
+            g and impact.rise < reach,
         ),
     }
     return [(key, text) for key, (text, is_met) in found.items() if is_met]

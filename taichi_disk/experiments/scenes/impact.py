@@ -14,6 +14,7 @@ import numpy as np
 from taichi_disk.base.errors import InputError
 from taichi_disk.experiments.computation.contact import (
     CONTACT_LEVEL,
+    apexes,
     contact_interval,
     flights,
 )
@@ -24,7 +25,6 @@ from taichi_disk.experiments.computation.scenario import (
     signed,
     time_text,
 )
-from taichi_disk.experiments.config.sections import MOST_BOUNCES
 from taichi_disk.experiments.scenes import oblique
 from taichi_disk.experiments.scenes.conflicts import (
     Conflicts,
@@ -72,7 +72,7 @@ LEAST_SHARE = 5e-4  # of the energy that is worth a word
 # results of the bounces after the first, under gravity
 LATER = {
     f"restitution_{number}": (f"restitution e of bounce {number}", "")
-    for number in range(2, MOST_BOUNCES + 1)
+    for number in range(2, 101)
 }
 LABELS = {
     "restitution": ("restitution e", ""),
@@ -125,7 +125,6 @@ class ImpactScene(DiskScene):
     slip_remedy = ""  # advice for a disk that has left the wall's end
     abscissa = ("impact", "velocity")
     results = ("restitution", "contact_time")
-
     optional_results = (*LATER, *oblique.LABELS)
 
     wall: Any = None
@@ -156,15 +155,7 @@ class ImpactScene(DiskScene):
             return self
         # exactly 0 straight down, in spite of rounding
         angle = round(angle, 12)
-        return self.with_(
-            {"impact.velocity": speed, "impact.angle": angle, "impact.drop": 0.0}
-        )
-
-    def changes_with(self, key: str, value: Any) -> dict[str, Any]:
-        changes = super().changes_with(key, value)
-        if key in ("impact.velocity", "impact.gravity"):
-            changes["impact.drop"] = 0.0
-        return changes
+        return self.with_({"impact.velocity": speed, "impact.angle": angle})
 
     # ---- the start
 
@@ -185,6 +176,10 @@ class ImpactScene(DiskScene):
         if self.impact.gravity:
             model = replace(model, load=Load(self.impact.gravity))
         assert model.wall is not None
+        # Under gravity speeds and heights are those at the surface, where a rigid disk
+        # would turn back.
+        fall = gap - self.wall.height_of(0.5 * velocity**2)
+        surface = float(lattice.mean(lattice.positions)[1]) - fall
         potential = max(model.wall.energy(lattice, lattice.positions), 0.0)
         spoke = -1
         if self.is_oblique:
@@ -192,7 +187,7 @@ class ImpactScene(DiskScene):
         return ImpactScenario(
             scene=self,
             lattice=lattice,
-            velocities=self._flight(lattice),
+            velocities=self._flight(lattice, fall),
             model=model,
             point_force=impact_point_force(lattice, model, velocity),
             max_time=self._max_time(gap, shape, springs.time_unit),
@@ -203,6 +198,7 @@ class ImpactScene(DiskScene):
             shape=shape,
             gap=gap,
             speed_before=float(np.sqrt(velocity**2 + 2.0 * potential)),
+            surface_load=self.impact.gravity * surface,
         )
 
     @abstractmethod
@@ -227,9 +223,7 @@ class ImpactScene(DiskScene):
         if self.wall.friction:  # by which a spin that rolls turns into motion
             rolling = (2.0 * self.impact.along - self.impact.spin) / 3.0
             path.append(contact + 1.2 * gap * rolling / self.impact.towards)
-        top = 2.0 + gap
-        if self.impact.gravity:
-            top += 0.5 * self.impact.velocity**2 / self.impact.gravity
+        top = 2.0 + max(gap, self.impact.rise)
         return min(path) - 1.1, max(path) + 1.1, -0.1, top
 
     def _shape(self, body: Lattice, springs: Springs) -> Shape:
@@ -269,12 +263,14 @@ class ImpactScene(DiskScene):
         positions[:n] += [self.start_offset(gap), gap - lowest]
         return gap, replace(body, positions=positions)
 
-    def _flight(self, lattice: Lattice) -> Array:
-        """Return the velocities (n, 2) at the start [c]."""
+    def _flight(self, lattice: Lattice, fall: float) -> Array:
+        """Return the velocities (n, 2) at the start [c], `fall` [R] above the
+        surface."""
         impact = self.impact
         n = lattice.disk_points
         velocities = np.zeros_like(lattice.positions)
-        velocities[:n] = impact.along, -impact.towards
+        before_fall = impact.towards**2 - 2.0 * impact.gravity * fall
+        velocities[:n] = impact.along, -np.sqrt(before_fall)
         if impact.spin:
             arm = lattice.positions[:n] - lattice.mean(lattice.positions)
             velocities[:n] += impact.spin * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
@@ -305,7 +301,7 @@ class ImpactScene(DiskScene):
         impact_time = 10.0 * contact_time
         if self.impact.gravity:
             impact_time += 2.0 * velocity / self.impact.gravity
-        return float(flight_times + self.impact.impacts * impact_time)
+        return float(flight_times + self.impact.bounces * impact_time)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -317,12 +313,14 @@ class ImpactScenario(Scenario):
         shape: the unloaded disk.
         gap: initial distance of the lowest point from the wall [R].
         speed_before: speed towards the wall before the impact, far from the wall [c].
+        surface_load: potential of gravity with the disk on the wall's surface [M c^2].
     """
 
     scene: Any
     shape: Shape
     gap: float
     speed_before: float
+    surface_load: float
 
     is_thrown = True
 
@@ -356,8 +354,13 @@ class ImpactScenario(Scenario):
         # rod bends more. A disk that turns faster than it rises must clear the wall
         # entirely.
         last = {name: float(values[-1]) for name, values in columns.items()}
-        if self.scene.impact.gravity:
-            return self._time_to_apex(columns, last)
+        impact = self.scene.impact
+        if impact.gravity:
+            stored = sum(last[name] for name in of_kind("energy"))
+            stays = stored < columns["load"][0]  # the height of the start is too high
+            if stays or len(apexes(columns)) >= impact.bounces:
+                return 0.0
+            return abs(last["com_vy"]) / impact.gravity + self.gap / self.velocity
         spin = last["angular_momentum"] / self.shape.inertia
         speed2 = last["com_vx"] ** 2 + last["com_vy"] ** 2
         rigid = 0.5 * (speed2 + self.shape.inertia * spin**2)
@@ -370,19 +373,6 @@ class ImpactScenario(Scenario):
         if last["com_vy"] <= 0.0:
             return inf
         return float(max(clear - lowest, 0.0)) / last["com_vy"]
-
-    def _time_to_apex(self, columns: Columns, last: dict[str, float]) -> float:
-        """Return 0 if the disk has passed the highest point after its last impact, or
-        stays on the wall because its energy does not suffice to lift it to the height
-        of its start; otherwise about how much later to look again [R/c]."""
-        impact = self.scene.impact
-        v = last["com_vy"]
-        has_fallen = v <= 0.0 and last["com_y"] > columns["com_y"][0]
-        is_last = len(flights(columns)) > impact.impacts
-        stored = sum(last[name] for name in of_kind("energy"))
-        if (has_fallen and is_last) or stored < columns["load"][0]:
-            return 0.0
-        return abs(v) / impact.gravity + self.gap / self.velocity
 
     def unfinished(self, columns: Columns) -> str:
         v = columns["com_vy"][-1]
@@ -398,9 +388,10 @@ class ImpactScenario(Scenario):
         )
 
     def end_truncation_error(self, columns: Columns) -> float:
-        last = float(columns["com_vy"][-1])
-        far = np.sqrt(last**2 + 2.0 * max(columns["wall"][-1], 0.0))
-        gained = self.speed_before - self.velocity + float(far) - last
+        row = flights(columns)[1]
+        last = abs(float(columns["com_vy"][row]))
+        far = float(np.sqrt(last**2 + 2.0 * max(columns["wall"][row], 0.0)))
+        gained = self.speed_before - self.velocity + far - last
         return POTENTIAL_CAUTION * gained / self.velocity
 
     @cached_property
@@ -421,11 +412,11 @@ class ImpactScenario(Scenario):
 
     def result(self, columns: Columns) -> dict[str, float]:
         start, end = contact_interval(columns)
-        speeds = self._speeds(columns)[: self.scene.impact.impacts + 1]
-        ratios = speeds[1:] / speeds[:-1]
-        found = {"restitution": float(ratios[0]), "contact_time": end - start}
-        for number, ratio in enumerate(ratios[1:], 2):
-            found[f"restitution_{number}"] = float(ratio)
+        speeds = self._speeds(columns)
+        names = ["restitution", *LATER][: self.scene.impact.bounces]
+        ratios = (speeds[1:] / speeds[:-1]).tolist()
+        found = dict(zip(names, ratios, strict=False))
+        found["contact_time"] = end - start
         if self.scene.is_oblique:
             inertia = self.shape.inertia
             found |= oblique.along_the_wall(columns, self.outline, inertia)
@@ -442,22 +433,15 @@ class ImpactScenario(Scenario):
         return scales
 
     def _speeds(self, columns: Columns) -> Array:
-        """Return the speeds (flights,) [c] far from the wall at the height of the
-        start."""
-        rows = flights(columns)
-        work = columns["load"] - columns["load"][0]
-        energy = np.maximum(columns["wall"], 0.0) + work
-        squares = (columns["com_vy"] ** 2 + 2.0 * energy)[rows]
-        speeds = np.sqrt(np.maximum(squares, 0.0))  # 0: it stays on the wall
-        speeds[0] = self.speed_before
-        return np.asarray(speeds)
-
-    def _speed_after(self, columns: Columns) -> float:
-        return float(self._speeds(columns)[1])
+        """Return the speeds (flights,) [c] without the wall, at its surface."""
+        energy = 0.5 * columns["com_vy"] ** 2 + np.maximum(columns["wall"], 0.0)
+        energy += columns["load"] - self.surface_load
+        energy = np.maximum(energy[flights(columns)], 0.0)  # 0: it stays on the wall
+        return np.array([self.speed_before, *np.sqrt(2.0 * energy[1:])])
 
     def conclusion(self, columns: Columns) -> str:
         before = self.speed_before
-        after = self._speed_after(columns)
+        after = self._speeds(columns)[1]
         direction = ""
         if self.scene.is_oblique:
             along = columns["com_vx"]
