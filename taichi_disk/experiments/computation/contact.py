@@ -30,6 +30,17 @@ def flights(columns: Columns) -> list[int]:
     return [0, *(apexes(columns) or [len(columns["t"]) - 1])]
 
 
+def flight_energies(columns: Columns, gravity: float, surface: float) -> Array:
+    """Return the energy of the centre of mass in each flight (flights,) [M c^2], with
+    its potential above the height `surface` [R]; 0 if it stays on the wall."""
+    energy = 0.5 * columns["com_vy"] ** 2 + np.maximum(columns["wall"], 0.0)
+    energy += gravity * (columns["com_y"] - surface)
+    energies = energy[flights(columns)]
+    if gravity and not apexes(columns):
+        energies[1] = 0.0
+    return energies
+
+
 def contact_interval(columns: Columns, bounce: int = 0) -> tuple[float, float]:
     """Return the first and last times at which the wall's force crosses CONTACT_LEVEL
     of its peak, log-linear between samples. `bounce`: number of the impact, from 0.

@@ -157,7 +157,7 @@ def faster_than_before(gained: dict[str, float]) -> str:
 
 
 def _at_rest(scenario: Scenario, columns: Columns) -> str:
-    if not columns["load"][-1] or not scenario.is_thrown:
+    if not scenario.is_thrown or not scenario.scene.impact.gravity:
         return ""
     made = len(apexes(columns))
     asked = scenario.scene.impact.bounces

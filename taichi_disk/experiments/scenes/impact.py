@@ -16,6 +16,7 @@ from taichi_disk.experiments.computation.contact import (
     CONTACT_LEVEL,
     apexes,
     contact_interval,
+    flight_energies,
     flights,
 )
 from taichi_disk.experiments.computation.scenario import (
@@ -176,10 +177,9 @@ class ImpactScene(DiskScene):
         if self.impact.gravity:
             model = replace(model, load=Load(self.impact.gravity))
         assert model.wall is not None
-        # Under gravity speeds and heights are those at the surface, where a rigid disk
+        # Under gravity speeds and heights are those above the point where a rigid disk
         # would turn back.
         fall = gap - self.wall.height_of(0.5 * velocity**2)
-        surface = float(lattice.mean(lattice.positions)[1]) - fall
         potential = max(model.wall.energy(lattice, lattice.positions), 0.0)
         spoke = -1
         if self.is_oblique:
@@ -198,7 +198,7 @@ class ImpactScene(DiskScene):
             shape=shape,
             gap=gap,
             speed_before=float(np.sqrt(velocity**2 + 2.0 * potential)),
-            surface_load=self.impact.gravity * surface,
+            surface=float(lattice.mean(lattice.positions)[1]) - fall,
         )
 
     @abstractmethod
@@ -313,14 +313,14 @@ class ImpactScenario(Scenario):
         shape: the unloaded disk.
         gap: initial distance of the lowest point from the wall [R].
         speed_before: speed towards the wall before the impact, far from the wall [c].
-        surface_load: potential of gravity with the disk on the wall's surface [M c^2].
+        surface: height of the centre at which a rigid disk would turn back [R].
     """
 
     scene: Any
     shape: Shape
     gap: float
     speed_before: float
-    surface_load: float
+    surface: float
 
     is_thrown = True
 
@@ -434,10 +434,9 @@ class ImpactScenario(Scenario):
 
     def _speeds(self, columns: Columns) -> Array:
         """Return the speeds (flights,) [c] without the wall, at its surface."""
-        energy = 0.5 * columns["com_vy"] ** 2 + np.maximum(columns["wall"], 0.0)
-        energy += columns["load"] - self.surface_load
-        energy = np.maximum(energy[flights(columns)], 0.0)  # 0: it stays on the wall
-        return np.array([self.speed_before, *np.sqrt(2.0 * energy[1:])])
+        gravity = self.scene.impact.gravity
+        energies = flight_energies(columns, gravity, self.surface)
+        return np.array([self.speed_before, *np.sqrt(2.0 * energies[1:])])
 
     def conclusion(self, columns: Columns) -> str:
         before = self.speed_before
