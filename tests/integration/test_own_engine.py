@@ -134,8 +134,9 @@ def test_the_user_s_own_kernels_and_runs_are_right_beside_each_other(starts):
 
 
 @pytest.mark.skipif(ti.__version__ != (1, 7, 4), reason="the fork has other settings")
-def test_all_settings_of_the_user_hold_again_after_a_call():
-    printed_by("-c", SETTINGS)
+def test_all_settings_of_the_user_hold_again_after_a_call(tmp_path):
+    (tmp_path / "own.py").write_text(SETTINGS)  # kernels need a file
+    printed_by(tmp_path / "own.py")
 
 
 @pytest.mark.validate
