@@ -75,6 +75,13 @@ def vibration_change(columns: Columns) -> float:
     return float(abs(stored[after] - stored[after - 1]) / columns["translation"][0])
 
 
+def energy_error(columns: Columns) -> float:
+    """Return the energy that a finished run has gained or lost by its errors, over the
+    flight's energy at t = 0."""
+    total = columns["total"]
+    return float(abs(total[-1] - total[0]) / columns["translation"][0])
+
+
 def _of_vibration(columns: Columns) -> Array:
     """Return the kinetic and elastic energy of vibration (rows,) [M c^2]."""
     return columns["vibration"] + columns["elastic"]
