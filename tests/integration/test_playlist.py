@@ -40,7 +40,7 @@ def test_an_impact_says_where_its_energy_is(name, losses):
     series = result.series
     text = result.scenario.conclusion(series)
     assert text.startswith(
-        f"It comes back with {result.restitution:.3f} of its speed. "
+        f"It comes back at {result.restitution:.3f} of its speed. "
     )
     found = shares(text)
     energy = series["kinetic"][0]
