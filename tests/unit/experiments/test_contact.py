@@ -44,9 +44,8 @@ def test_a_contact_lasts_while_the_force_exceeds_a_hundredth_of_its_peak():
 
 def test_results_are_measured_after_the_last_contact_if_there_are_losses_else_last():
     for loss in ("dissipated", "absorbed"):
-        assert Contact(columns(**{loss: 1e-3})).results_time == pytest.approx(
-            5.0, abs=0.1
-        )
+        lossy = Contact(columns(**{loss: 1e-3}))
+        assert lossy.results_time == pytest.approx(5.0, abs=0.1)
     assert Contact(columns()).results_time == 10.0
 
 
