@@ -113,3 +113,10 @@ class Contact:
     def _vibration(self) -> Array:
         """Kinetic and elastic energy of vibration (rows,) [M c^2]."""
         return self._columns["vibration"] + self._columns["elastic"]
+
+
+def energy_error(columns: Columns) -> float:
+    """Return the energy that a finished run has gained or lost by its errors, over the
+    flight's energy at t = 0."""
+    total = columns["total"]
+    return float(abs(total[-1] - total[0]) / columns["translation"][0])
