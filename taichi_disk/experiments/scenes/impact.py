@@ -399,7 +399,7 @@ class ImpactScenario(Scenario):
             before = np.hypot(before, along[0])
             after = np.hypot(after, along[-1])
             direction = ", to the right" if along[-1] > 0.0 else ", to the left"
-        text = f"It comes back with {after / before:.3f} of its speed{direction}"
+        text = f"It comes back at {after / before:.3f} of its speed{direction}"
         energies = split(columns, self.shape.inertia)
         whole = energies["kinetic"][0]
         shares = {}
