@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_disk.base.errors import InputError
-from taichi_disk.experiments.computation.contact import CONTACT_LEVEL, contact_interval
+from taichi_disk.experiments.computation.contact import CONTACT_LEVEL, Contact
 from taichi_disk.experiments.computation.scenario import (
     Array,
     Scenario,
@@ -366,10 +366,10 @@ class ImpactScenario(Scenario):
         return float(np.sqrt(self.reference_energy / self.kinetic))
 
     def result(self, columns: Columns) -> dict[str, float]:
-        start, end = contact_interval(columns)
+        contact = Contact(columns)
         found = {
             "restitution": self._speed_after(columns) / self.speed_before,
-            "contact_time": end - start,
+            "contact_time": contact.end - contact.start,
         }
         if self.scene.is_oblique:
             inertia = self.shape.inertia
