@@ -151,7 +151,7 @@ $EndElements
             r"\(physical groups: rim\); if there",
         ),
         # meshio makes a table of all numbers up to the largest
-        ("a.msh", CURVE.format(last=10**13), r"cannot read .*\(Unable to allocate"),
+        ("a.msh", CURVE.format(last=2 * 10**9), r"cannot read .*\(Unable to allocate"),
         ("a.inp", "*NODE\n1,0,0\n*Include,INPUT=a.inp\n", "it includes another file"),
         ("a.dat", "0 1\n", r"it is no .dat file\): write its points as a table"),
         ("a.xyz", "0\n", r"write its points as a table \(.csv\)"),
