@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_disk.base.files import atomic_write
-from taichi_disk.experiments.computation.contact import results_time, vibration_left
+from taichi_disk.experiments.computation.contact import Contact
 from taichi_disk.experiments.computation.words import Words
 from taichi_disk.experiments.scenes.scene import origin
 from taichi_disk.mechanics.simulation.observables import Columns
@@ -146,6 +146,7 @@ class PlotScene:
         words: names of the quantities.
         numbers: results by name.
         columns: time series, as in timeseries.csv.
+        contact: the contact in it.
         curves: curves over time.
         quality: (rows,) accuracy of the run.
         laws: continuum laws for the compression, (rows,) [R], by name.
@@ -157,6 +158,7 @@ class PlotScene:
     words: Words
     numbers: dict[str, float]
     columns: Columns
+    contact: Contact
     curves: list[TimeCurve]
     quality: Array
     laws: dict[str, Array]
@@ -171,6 +173,7 @@ def plot_scene(scenario: Scenario, columns: Columns, headline: str = "") -> Plot
         words=scenario.words,
         numbers=scenario.result(columns),
         columns=columns,
+        contact=Contact(columns),
         curves=curves(scenario, columns),
         quality=scenario.quality(columns),
         laws=scenario.continuum(columns),
@@ -247,7 +250,7 @@ def _draw_run(figure: Any, scene: PlotScene) -> None:
             linestyle=curve.look.style,
             label=curve.name,
         )
-    _mark_vibration(energies, columns)
+    _mark_vibration(energies, scene)
     result_mark, force_mark = (mark.format(**scene.numbers) for mark in words.marks)
     _mark(motion, scene.curves[0].values, result_mark, side="right")
     force.annotate(
@@ -273,18 +276,18 @@ def _draw_run(figure: Any, scene: PlotScene) -> None:
     quality.set(ylabel=quality_label, yscale=scale)
 
 
-def _mark_vibration(ax: Any, columns: Columns) -> None:
+def _mark_vibration(ax: Any, scene: PlotScene) -> None:
     """Mark the energy of vibration, kinetic and elastic, that is left after an impact
     by a dot."""
-    flight = columns["translation"][0]
+    flight = scene.columns["translation"][0]
     if not flight:
         return
-    left = vibration_left(columns)
+    left = scene.contact.vibration_left
     share = "< 0.01 %"
     if abs(left) >= 1e-4:
         share = f"{100.0 * left:.2g} %"
     ax.plot(
-        [results_time(columns)],
+        [scene.contact.results_time],
         [left * flight],
         color=LOOKS["vibration"].colours[0],
         linestyle="none",

@@ -11,11 +11,7 @@ from math import inf
 import numpy as np
 
 from taichi_disk.base.errors import SimulationError
-from taichi_disk.experiments.computation.contact import (
-    energy_error,
-    vibration_change,
-    vibration_left,
-)
+from taichi_disk.experiments.computation.contact import Contact, energy_error
 from taichi_disk.experiments.computation.diagnostics import (
     BlowUp,
     relative_imbalance,
@@ -130,9 +126,8 @@ def measured(scenario: Scenario, columns: Columns) -> dict[str, float]:
     """Return all quantities of a finished scene that have an error estimate."""
     numbers = dict(scenario.result(columns))
     if scenario.is_thrown:
-        numbers["vibration_left"] = vibration_left(
-            split(columns, scenario.lattice.inertia)
-        )
+        parts = split(columns, scenario.lattice.inertia)
+        numbers["vibration_left"] = Contact(parts).vibration_left
     return numbers
 
 
@@ -220,7 +215,7 @@ def _sampling_errors(scenario: Scenario, columns: Columns) -> dict[str, float]:
     if scenario.model.reset_interval:
         # The energy jumps at a reset, and the contact may end on either side of it.
         parts = split(columns, scenario.lattice.inertia)
-        errors["vibration_left"] = vibration_change(parts)
+        errors["vibration_left"] = Contact(parts).vibration_change
     for n, k in ((2, 0), (2, 1), (3, 0), (3, 1), (3, 2)):
         kept_rows = ends | (rows % n == k)
         thinned = measured(

@@ -181,7 +181,7 @@ def _marks(run: Run, times: Sequence[float]) -> list[list[Any]]:
     stands for."""
     marks = []
     for moment in ("contact", "greatest"):
-        t = time_of(moment, run.series)
+        t = time_of(moment, run)
         if times[0] < t < times[-1]:
             marks.append([int(np.searchsorted(times, t)), MOMENTS[moment]])
     return marks

@@ -7,14 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.experiments.computation.contact import contact_interval
 from taichi_disk.experiments.computation.stability import explicit_limit
 from taichi_disk.experiments.config.sections import SLIDERS, VideoSection
 from taichi_disk.mechanics.lattice.network import laplacian, largest_eigenvalue
 from taichi_disk.pictures import plot
 from taichi_disk.pictures.curves import LOOKS, Look
 from taichi_disk.pictures.render import geometry, moments, palette, recording
-from taichi_disk.pictures.render.moments import time_of
 from taichi_disk.pictures.render.recording import Flight
 from taichi_disk.pictures.web.drawing import encoded
 
@@ -76,7 +74,7 @@ def throwable(flight: Flight, video: VideoSection) -> dict[str, Any] | None:
     steps = run.series["t"][-1] / explicit_limit(omega, eta * damping)
     if steps * len(lattice.bonds) > _MOST_WORK:
         return None
-    first, second = contact_interval(run.series)
+    contact = run.contact
     return (
         asdict(scene.material)
         | asdict(scene.wall)
@@ -93,7 +91,7 @@ def throwable(flight: Flight, video: VideoSection) -> dict[str, Any] | None:
             "omega": omega,
             "damping": damping,
             "top": scenario.gap - flight.start * scenario.velocity,
-            "moments": [first, time_of("greatest", run.series), second],
+            "moments": [contact.start, contact.greatest, contact.end],
             "curves": [_curve(LOOKS[column]) for column in _COLUMNS],
             "rules": _RULES,
             "numbers": scenario.numbers(),
