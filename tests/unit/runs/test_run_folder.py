@@ -383,10 +383,13 @@ def test_a_failed_run_that_finds_no_place_says_where_it_is(foreign, notices):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
         move(old, new)
 
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(SimulationError):
         patch.setattr(os, "replace", replace)
-        out = compute(foreign, status="failed")
-    assert out.parent == foreign and f"it stays in {out}" in notices.messages[-1]
+        with run_folder(foreign, SCENE, False) as folder:
+            end(folder, "failed")
+            raise SimulationError
+    assert folder.out.parent == foreign
+    assert notices.messages[-1].endswith(f"it stays in {folder.out}")
 
 
 @pytest.mark.parametrize("letter", ["c", "\u00e9", "\u4e2d"])
