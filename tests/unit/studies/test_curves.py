@@ -129,6 +129,16 @@ def test_a_law_is_refuted_as_seldom_by_points_that_share_their_errors():
         assert 0.0 < np.mean(np.array(p) < 0.05) < 0.1
 
 
+@pytest.mark.parametrize("unit", [1e-6, 1e6])
+def test_lattices_that_differ_by_rounding_errors_refute_no_law(unit):
+    y = unit * np.random.default_rng(5).normal(size=10)
+    same = y + 1e-16 * unit * np.arange(-3, 4)[:, None]
+    nothing = np.eye(10)[:1]
+    assert np.isnan(theory._p_value(same, nothing))
+    apart = y + 1e-6 * unit * np.random.default_rng(6).normal(size=(7, 10))
+    assert theory._p_value(apart, nothing) < 1e-9
+
+
 @pytest.mark.parametrize("lattices", [1, 4])
 def test_a_few_lattices_do_not_tell_whether_a_law_holds(lattices):
     scatter = 1e-4 * np.arange(lattices)[:, None]
