@@ -215,7 +215,7 @@ def plot_run(path: Path, scene: PlotScene, headline: str = "") -> None:
 
 def run_figure(scene: PlotScene, headline: str) -> Plot:
     """Return the plot of a run under the result to quote."""
-    figure = picture_of(draw_curves, scene)
+    figure = picture_of(draw_plot, scene)
     parameters = "    ".join(scene.words.title[1:])
     title = f"{fill(parameters, 95)}\n{fill(headline, 95)}"
     with matplotlib_style(STYLE):
@@ -226,7 +226,7 @@ def run_figure(scene: PlotScene, headline: str) -> Plot:
     return figure
 
 
-def draw_curves(scene: PlotScene) -> Plot:
+def draw_plot(scene: PlotScene) -> Plot:
     """Return the plot of a run without the title, which needs all lattices."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 

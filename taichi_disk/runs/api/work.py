@@ -22,7 +22,7 @@ from taichi_disk.experiments.scenes import Scene
 from taichi_disk.experiments.scenes.setup import body_of, spectrum_of
 from taichi_disk.mechanics.lattice import Lattice, own_start
 from taichi_disk.mechanics.simulation.simulation import shared_kernels
-from taichi_disk.pictures.plot import draw_curves, plot_run, plot_scene
+from taichi_disk.pictures.plot import draw_plot, plot_run, plot_scene
 from taichi_disk.pictures.render.artist import Artist, draw_early
 from taichi_disk.runs.api.film import film
 from taichi_disk.runs.api.lattices import compare_lattices, lattice_count
@@ -110,7 +110,7 @@ class Work:
         self.lap("simulate", compile=compiling)
         if artist:
             shown = plot_scene(scenario, outcome.series)
-            artist.begin(draw_early, draw_curves, shown)
+            artist.begin(draw_early, draw_plot, shown)
         summary = self._heading("done") | outcome.summary | {"video": None}
         count, notes = lattice_count(outcome, lattices)
         if count > 1:

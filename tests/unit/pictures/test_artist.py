@@ -15,7 +15,12 @@ import pytest
 from taichi_disk.base.errors import SimulationError
 from taichi_disk.base.processes.pool import Pool
 from taichi_disk.base.signals import deferred_interrupts
-from taichi_disk.pictures.render.artist import Artist, shared_array
+from taichi_disk.pictures.render.artist import (
+    Artist,
+    draw_early,
+    picture_of,
+    shared_array,
+)
 
 # methods of an object that are functions of libraries, which another process finds
 WORKER = SimpleNamespace(
@@ -42,6 +47,15 @@ def test_another_process_sees_what_is_written_into_an_array_that_it_has(artist):
         array[1] = value
         assert (artist.begin(np.array, array)() == array).all()
     assert array.sum() == 800
+
+
+def test_a_picture_that_was_drawn_early_is_used_once(artist):
+    artist.begin(draw_early, math.sqrt, 4.0)
+    artist.begin(draw_early, math.sqrt, -4.0)  # its error hides nothing
+    roots = [artist.begin(picture_of, math.sqrt, 9.0)() for _ in range(2)]
+    assert roots == [2.0, 3.0]
+    Artist().begin(draw_early, math.sqrt, 4.0)
+    assert picture_of(math.sqrt, 9.0) == 3.0
 
 
 @pytest.mark.parametrize("has_process", [True, False])
