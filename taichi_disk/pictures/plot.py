@@ -18,19 +18,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_disk.base.files import atomic_write
-from taichi_disk.experiments.computation.contact import results_time, vibration_left
+from taichi_disk.experiments.computation.contact import Contact
 from taichi_disk.experiments.computation.words import Words
 from taichi_disk.experiments.scenes.scene import origin
-from taichi_disk.mechanics.simulation.observables import (
-    BY_NAME,
-    VELOCITY,
-    Columns,
-    of_kind,
-)
+from taichi_disk.mechanics.simulation.observables import Columns
+from taichi_disk.pictures.curves import ENERGIES, FORCE, LOOKS, MOTION, Look
 from taichi_disk.pictures.render.artist import picture_of
 
 if TYPE_CHECKING:
-    from taichi_disk.experiments.computation.scenario import Array, Scenario
+    from taichi_disk.experiments.computation.scenario import Scenario
+    from taichi_disk.mechanics.lattice import Array
     from taichi_disk.pictures.inline import Plot
 
 STYLE = {
@@ -47,18 +44,9 @@ STYLE = {
     "legend.frameon": False,
     "legend.fontsize": 8.5,
 }
-LINE = VELOCITY  # of the main curve
-INK = "#1A1A1E"  # of the wall's force
+LINE, _ = MOTION.colours
 MARK = "0.45"
 SUM = "#222222"
-# Styles of lines whose colours colour-blind readers confuse with those of solid ones.
-STYLES = {
-    "wall": "--",
-    "dissipated": "--",
-    "load": ":",
-    "sliding": ":",
-    "friction": ":",
-}
 # curves end when the kinetic energy falls below this fraction of its maximum
 # (amplitude: 1e-4)
 AT_REST = 1e-8
@@ -103,14 +91,11 @@ def powers() -> Any:
 
 @dataclass(frozen=True)
 class TimeCurve:
-    """A curve over time: its panel (0: motion, 1: force, 2: energies), values (rows,),
-    name, colour and Matplotlib's style of its line."""
+    """A curve over time: its look, values (rows,) and name."""
 
-    panel: int
+    look: Look
     values: Array
-    name: str
-    colour: str
-    style: str = "-"
+    name: str = ""
 
 
 def curves(scenario: Scenario, columns: Columns) -> list[TimeCurve]:
@@ -120,25 +105,23 @@ def curves(scenario: Scenario, columns: Columns) -> list[TimeCurve]:
     quasi-static loading.
     """
     found = [
-        TimeCurve(0, scenario.motion(columns), "", LINE),
-        TimeCurve(1, columns["wall_force"], "", INK),
+        TimeCurve(MOTION, scenario.motion(columns)),
+        TimeCurve(FORCE, columns["wall_force"]),
     ]
     largest = max(columns["kinetic"].max(), columns["elastic"].max())
-    for name in of_kind("part", "energy", "loss"):
-        column = BY_NAME[name]
-        if not column.label or name not in columns:
+    for look in ENERGIES:
+        if look.column not in columns:
             continue
-        values = columns[name]
-        label = column.label
-        if name == "translation" and not scenario.is_thrown:
-            label = "motion"
-        if name == "load":
+        values = columns[look.column]
+        name = look.name
+        if look.column == "translation" and not scenario.is_thrown:
+            name = "motion"
+        if look.column == "load":
             if scenario.static:
                 continue
             values = values - values[0]
         if np.abs(values).max() > VISIBLE_ENERGY * largest:
-            style = STYLES.get(name, "-")
-            found.append(TimeCurve(2, values, label, column.colour, style))
+            found.append(TimeCurve(look, values, name))
     return found
 
 
@@ -165,6 +148,7 @@ class PlotScene:
         words: names of the quantities.
         numbers: results by name.
         columns: time series, as in timeseries.csv.
+        contact: the contact in it.
         curves: curves over time.
         quality: (rows,) accuracy of the run.
         laws: continuum laws for the compression, (rows,) [R], by name.
@@ -175,6 +159,7 @@ class PlotScene:
     words: Words
     numbers: dict[str, float]
     columns: Columns
+    contact: Contact
     curves: list[TimeCurve]
     quality: Array
     laws: dict[str, Array]
@@ -188,6 +173,7 @@ def plot_scene(scenario: Scenario, columns: Columns) -> PlotScene:
         words=scenario.words,
         numbers=scenario.result(columns),
         columns=columns,
+        contact=Contact(columns),
         curves=curves(scenario, columns),
         quality=scenario.quality(columns),
         laws=scenario.continuum(columns),
@@ -265,15 +251,14 @@ def _draw_run(figure: Any, scene: PlotScene) -> None:
     for ax, label in zip(axes, axis_labels(words), strict=False):
         ax.set_ylabel(label)
     for curve in scene.curves:
-        ax = axes[curve.panel]
-        ax.plot(
+        axes[curve.look.panel].plot(
             t,
             curve.values,
-            color=curve.colour,
-            linestyle=curve.style,
+            color=curve.look.colours[0],
+            linestyle=curve.look.style,
             label=curve.name,
         )
-    _mark_vibration(energies, columns)
+    _mark_vibration(energies, scene)
     result_mark, force_mark = (mark.format(**scene.numbers) for mark in words.marks)
     _mark(motion, scene.curves[0].values, result_mark, side="right")
     force.annotate(
@@ -299,20 +284,20 @@ def _draw_run(figure: Any, scene: PlotScene) -> None:
     quality.set(ylabel=quality_label, yscale=scale)
 
 
-def _mark_vibration(ax: Any, columns: Columns) -> None:
+def _mark_vibration(ax: Any, scene: PlotScene) -> None:
     """Mark the energy of vibration, kinetic and elastic, that is left after an impact
     by a dot."""
-    flight = columns["translation"][0]
+    flight = scene.columns["translation"][0]
     if not flight:
         return
-    left = vibration_left(columns)
+    left = scene.contact.vibration_left
     share = "< 0.01 %"
     if abs(left) >= 1e-4:
         share = f"{100.0 * left:.2g} %"
     ax.plot(
-        [results_time(columns)],
+        [scene.contact.results_time],
         [left * flight],
-        color=BY_NAME["vibration"].colour,
+        color=LOOKS["vibration"].colours[0],
         linestyle="none",
         marker="o",
         markersize=4,
@@ -336,13 +321,13 @@ def _draw_loading(figure: Any, scene: PlotScene) -> None:
         force.plot(law, load, style, color=SUM, label=name)
     _mark(force, load, words.marks[0].format(**scene.numbers), side="left")
     for name in ("elastic", "wall"):
-        column = BY_NAME[name]
+        look = LOOKS[name]
         energy.plot(
             xi,
             columns[name],
-            label=column.label,
-            color=column.colour,
-            linestyle=STYLES.get(name, "-"),
+            label=look.name,
+            color=look.colours[0],
+            linestyle=look.style,
         )
     stored = columns["elastic"] + columns["wall"]
     dashes = (0, (8, 2))

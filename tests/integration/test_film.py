@@ -23,10 +23,6 @@ from taichi_disk import load_scene
 from taichi_disk.base import engine, runtime
 from taichi_disk.base.errors import InputError, SimulationError, TaichiDiskError
 from taichi_disk.base.progress import silent
-from taichi_disk.experiments.computation.contact import (
-    contact_interval,
-    greatest_compression,
-)
 from taichi_disk.experiments.computation.outcome import compute
 from taichi_disk.mechanics.fields import Triangles, at_points
 from taichi_disk.pictures.panel import draw_panel
@@ -271,7 +267,7 @@ def test_the_film_holds_at_the_greatest_compression_and_ends_with_the_result(
 ):
     result = f"*e = {run.scenario.result(run.series)['restitution']:.3f}"
     words = words_of(tmp_path / "film", run, seconds=4)
-    _, end = contact_interval(run.series)
+    end = run.contact.end
     assert [one.note for one in words[-7:]] == 7 * [result]
     for one in words:
         assert (one.note == result) == (one.t >= end - 1e-4)
@@ -322,14 +318,14 @@ def test_the_ringing_is_shown_about_half_as_strong_as_the_greatest_compression(
         values = at_points("shear", triangles, run.scenario.model.springs, *state[1:])
         return np.percentile(values, 98)
 
-    _, end = contact_interval(run.series)
+    end = run.contact.end
     later = max(shear(t) for t in np.linspace(end + 0.5, end + 6.0, 12))
-    part = ringing(run) * later / shear(greatest_compression(run.series))
+    part = ringing(run) * later / shear(run.contact.greatest)
     assert 0.3 < part < 1.0
 
 
 def test_a_ringing_grows_after_the_contact_and_the_picture_says_so(run):
-    _, end = contact_interval(run.series)
+    end = run.contact.end
     shots = [Caption(t) for t in (0.0, end - 0.1, *np.linspace(end, end + 2.0, 9))]
     found = captions(run, shots, stronger=4.0, ease=6.0)
     factors = [one.ringing for one in found]
@@ -396,9 +392,9 @@ def test_a_part_of_a_film_begins_and_ends_where_asked_at_the_pace_of_the_whole(
 ):
     part = Span(start="contact", end="greatest")
     words = words_of(tmp_path / "part", run, part, seconds=2)
-    start = time_of("contact", run.series)
+    start = time_of("contact", run)
     assert words[0].t == pytest.approx(start, abs=0.006)
-    assert words[-1].t == pytest.approx(greatest_compression(run.series), abs=0.006)
+    assert words[-1].t == pytest.approx(run.contact.greatest, abs=0.006)
     assert len(words) == 20
     with pytest.raises(InputError, match="a film must end after it begins"):
         film(tmp_path / "film.mp4", [run], Span(start="end", end="contact"))
@@ -548,12 +544,12 @@ def test_the_greatest_compression_of_a_spinning_disk_is_where_it_turns_back(
 ):
     changes = {"points": 60, "spin": spin, "eta_star": eta_star}
     scene = load_scene("exponential_wall").with_(**changes)
-    columns = api.run(scene, lattices=1).series
+    run = api.run(scene, lattices=1)
+    columns = run.series
     force = columns["wall_force"]
     # stretched by its spin before it touches the wall
     assert force[columns["elastic"].argmax()] < 1e-3 * force.max()
-    peak = greatest_compression(columns)
-    speed = np.interp(peak, columns["t"], columns["com_vy"])
+    speed = np.interp(run.contact.greatest, columns["t"], columns["com_vy"])
     assert abs(speed) < 0.1 * scene.impact.velocity
 
 

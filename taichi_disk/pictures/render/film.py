@@ -162,7 +162,7 @@ def storyboard(
         strengths = [1.0 for _ in runs]
     if frames == 1:
         note = MOMENTS.get(str(span.at), "")
-        shots = [Caption(time_of(span.at, runs[0].series), note)]
+        shots = [Caption(time_of(span.at, runs[0]), note)]
     else:
         # No disk flies higher than in a film of its own, unless another run goes on.
         start = max(one.start for one in flights)

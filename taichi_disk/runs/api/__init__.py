@@ -24,7 +24,6 @@ from taichi_disk.base.errors import (
 )
 from taichi_disk.base.progress import Progress, reported, silent
 from taichi_disk.base.signals import raise_if_interrupted
-from taichi_disk.experiments.computation.contact import greatest_compression
 from taichi_disk.experiments.computation.driver import State as State
 from taichi_disk.experiments.computation.outcome import Outcome
 from taichi_disk.experiments.config.tree import Source, as_path
@@ -199,7 +198,7 @@ class Result(Outcome):
     def greatest_compression(self) -> State:
         """State of the greatest compression, or the end of a loading; computed again at
         each access."""
-        return self.state(greatest_compression(self.series))
+        return self.state(self.contact.greatest)
 
     def field(self, name: str, t: float | str = "greatest", at: str = "own") -> Field:
         """Return the quantity `name` at the moment `t`, as for `film`; see
@@ -219,7 +218,7 @@ class Result(Outcome):
                 'at: must be "own" (values on triangles or springs) or "points", not'
                 f" {at!r}"
             )
-        _, x, v = self.state(time_of(t, self.series))
+        _, x, v = self.state(time_of(t, self))
         return field(name, self.lattice, self.scenario.model.springs, x, v, at)
 
     def modes(self, count: int = 40) -> Modes:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from os.path import commonprefix, sep
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -130,7 +131,9 @@ class Law(NamedTuple):
         unit = 1.0
         if self.needs_moduli:
             unit = curve.young**0.5
-        if not np.isfinite(unit) or curve.x.max() > self.max_speed * unit:
+        # Lattices of files are no sample, which alone could refute a law.
+        is_sample = np.isfinite(curve.young)
+        if not is_sample or curve.x.max() > self.max_speed * unit:
             return False
         if self.needs_damping and not curve.is_damped:
             return False
@@ -242,6 +245,7 @@ def analyse(
         x: one of them, by default speed or pressure, or else the first one that is not
         the seed; y: a column of numbers, by default the main result.
     """
+    rows = _with_short_paths(axes, rows)
     targets = {target_of(base, name): name for name in axes}
     y = y or base.results[0]
     x = x or targets.get(base.abscissa) or _first_axis(base, axes)
@@ -282,6 +286,20 @@ def analyse(
             curve = replace(curve, fits=_fits(base, curve))
         diagram.curves.append(curve)
     return diagram
+
+
+def _with_short_paths(axes: Sequence[str], rows: Sequence[Row]) -> list[Row]:
+    """Return copies of the rows, in which the values of each axis of files are without
+    the folders that they share."""
+    short = [dict(row) for row in rows]
+    for name in axes:
+        paths = [row[name] for row in rows if sep in str(row[name])]
+        start = commonprefix(paths)  # noqa: RUF071 (cut at a separator)
+        folder = start[: start.rfind(sep) + 1]
+        for row in short:
+            if row[name] in paths:
+                row[name] = row[name].removeprefix(folder)
+    return short
 
 
 def _first_axis(base: Scene, axes: Sequence[str]) -> str:

@@ -56,6 +56,10 @@ FILES = (
 )
 MAX_JOBS = 1000
 MAX_FAILURES = 10  # number of failed points that are printed
+LITERAL = (
+    "lattices without a rim scatter irregularly: a law that holds is refuted in 2 to 5"
+    " % of their sweeps, and the interval of d1 contains the true value in 89 to 92 %"
+)
 DIAGNOSTICS = (
     "young",
     "poisson",
@@ -336,6 +340,9 @@ def _write_table(
     write_csv(out / "points.csv", [_as_yaml(row) for row in rows])
     diagram = analyse(sweep.scenes[0], sweep.axes, rows)
     summary["curves"] = [curve.summary() for curve in diagram.curves]
+    is_fitted = any(curve.fits for curve in diagram.curves)
+    if is_fitted and not sweep.scenes[0].lattice.rim:
+        summary["warnings"].append(LITERAL)
     if diagram.curves:
         try:
             draw(diagram, out)

@@ -8,7 +8,6 @@ from numpy.testing import assert_array_equal
 
 from taichi_disk.base.errors import InputError
 from taichi_disk.experiments.computation import driver
-from taichi_disk.experiments.computation.contact import greatest_compression
 from taichi_disk.experiments.computation.diagnostics import (
     LostBalance,
     inverted_triangles,
@@ -134,7 +133,7 @@ def test_triangles_are_counted_in_every_row_with_and_without_an_estimate(kernels
         for state in outcome.replay(series["t"])
     ]
     assert series["inverted"].tolist() == counted
-    assert counted[series["t"].searchsorted(greatest_compression(series))] == 0
+    assert counted[series["t"].searchsorted(outcome.contact.greatest)] == 0
     assert outcome.summary["inverted_triangles"] == max(counted) > 1
     assert any("turned inside out" in text for text in outcome.summary["warnings"])
 

@@ -284,7 +284,9 @@ def test_a_film(name, tmp_path, monkeypatch, record):
     for scene in panels:
         notes += [f"panel {scene.size} {scene.letter} {scene.labels}", digest(scene.t)]
         for curve in scene.curves:
-            shown = f"{curve.panel} {curve.name} {curve.colour} {curve.style}"
+            look = curve.look
+            colour = look.colours[scene.ground]
+            shown = f"{look.panel} {curve.name} {colour} {look.style}"
             notes.append(f"  {shown} {digest(curve.values)}")
     record(name, dict.fromkeys(notes))
 

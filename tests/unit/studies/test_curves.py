@@ -182,7 +182,8 @@ def test_the_moduli_are_those_of_the_lattices_of_the_curve():
 def thrown(eta_star, name="eta_star", lattices=2):
     """Rows of throws whose e follows eq. (5), of lattices that differ by 1e-3."""
     same = {"status": "done", "young": 1.1, "poisson": 0.3, "contact_time": 6.0}
-    e = theory.paper_restitution(V, 1.0, 0.01 * eta_star)
+    number = eta_star if isinstance(eta_star, float) else 10.0
+    e = theory.paper_restitution(V, 1.0, 0.01 * number)
     rows = []
     for seed in range(lattices):
         for velocity, value in zip(V, e * (1.0 + 1e-3 * seed), strict=True):
@@ -245,6 +246,20 @@ def test_a_lattice_from_a_file_has_no_moduli_and_leaves_a_random_one_its_own(own
     assert found["none"].summary()["young"] == pytest.approx(1.1)
     assert found["own.npz"].summary()["young"] is None
     assert not found["own.npz"].fits  # none that needs moduli
+
+
+def test_lattices_of_files_are_named_without_their_common_folder_and_judge_no_law():
+    rows = []
+    for folder in ("one", "two"):
+        file = f"/home/runs/{folder}/lattice.npz"
+        unknown = {"young": None, "poisson": None}
+        rows += [row | unknown for row in thrown(file, "lattice.file", lattices=1)]
+    axes = ["lattice.file", "velocity"]
+    curves = analyse(load_scene("exponential_wall"), axes, rows).curves
+    names = [curve.label["lattice.file"] for curve in curves]
+    assert names == ["one/lattice.npz", "two/lattice.npz"]
+    assert not any(curve.fits for curve in curves)
+    assert rows[0]["lattice.file"] == "/home/runs/one/lattice.npz"
 
 
 def test_the_same_values_draw_the_same_bytes(tmp_path):
