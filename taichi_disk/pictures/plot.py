@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_disk.base.files import atomic_write
+from taichi_disk.base.processes.early import picture_of
 from taichi_disk.experiments.computation.contact import Contact
 from taichi_disk.experiments.computation.words import Words
 from taichi_disk.experiments.scenes.scene import origin
 from taichi_disk.mechanics.simulation.observables import Columns
 from taichi_disk.pictures.curves import ENERGIES, FORCE, LOOKS, MOTION, Look
-from taichi_disk.pictures.render.artist import picture_of
 
 if TYPE_CHECKING:
     from taichi_disk.experiments.computation.scenario import Scenario

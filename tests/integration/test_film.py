@@ -22,13 +22,14 @@ from programs import durations_of, film_problem, packed, printed_by, python
 from taichi_disk import load_scene
 from taichi_disk.base import engine, runtime
 from taichi_disk.base.errors import InputError, SimulationError, TaichiDiskError
+from taichi_disk.base.processes.early import draw_early
 from taichi_disk.base.progress import silent
 from taichi_disk.experiments.computation.outcome import compute
 from taichi_disk.mechanics.fields import Triangles, at_points
 from taichi_disk.pictures.panel import draw_panel
 from taichi_disk.pictures.plot import draw_plot, plot_run
 from taichi_disk.pictures.render import finisher, shaders
-from taichi_disk.pictures.render.artist import Artist, draw_early, drawing_process
+from taichi_disk.pictures.render.artist import Artist, drawing_process
 from taichi_disk.pictures.render.film import draw_film, storyboard
 from taichi_disk.pictures.render.letters import Letters
 from taichi_disk.pictures.render.moments import (

@@ -31,8 +31,6 @@ HAS_SHARED_MEMORY = hasattr(os, "memfd_create")  # Linux
 
 # the object whose methods this process calls, see `Artist.employ`
 _employed: list[Any] = []
-# what this process has drawn early, by the function that draws it
-_early: dict[Any, Any] = {}
 
 
 class Artist:
@@ -131,18 +129,6 @@ def shared_array(shape: tuple[int, ...]) -> NDArray[np.uint8]:
     array = SharedArray(f"/proc/{os.getpid()}/fd/{file}", np.uint8, "w+", 0, shape)
     finalize(array, os.close, file)
     return array
-
-
-def draw_early(draw: Callable[[Any], Any], scene: Any) -> None:
-    """Draw what this process will be asked for as `picture_of(draw, scene)`."""
-    _early[draw] = draw(scene)
-
-
-def picture_of(draw: Callable[[Any], Any], scene: Any) -> Any:
-    """Return `draw(scene)`, or the one picture that `draw` has drawn early."""
-    if draw in _early:
-        return _early.pop(draw)
-    return draw(scene)
 
 
 def _open(worker: Any, *arguments: Any) -> None:

@@ -9,12 +9,13 @@ from pathlib import Path
 
 from taichi_disk.base.errors import NOTICES, InputError
 from taichi_disk.base.files import atomic_write, check_pictures
+from taichi_disk.base.processes.early import draw_early
 from taichi_disk.base.progress import Progress
 from taichi_disk.base.signals import raise_if_interrupted
 from taichi_disk.experiments.config.sections import VideoSection
 from taichi_disk.experiments.scenes.scene import origin
 from taichi_disk.pictures.panel import PanelScene, draw_panel
-from taichi_disk.pictures.render.artist import Artist, draw_early
+from taichi_disk.pictures.render.artist import Artist
 from taichi_disk.pictures.render.letters import Letters, lacking
 from taichi_disk.pictures.render.moments import (
     EASE,

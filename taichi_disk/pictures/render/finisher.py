@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from taichi_disk.base.processes.early import picture_of
 from taichi_disk.pictures.panel import PanelPictures, PanelScene, Picture, draw_panel
-from taichi_disk.pictures.render.artist import picture_of
 from taichi_disk.pictures.render.letters import Line
 from taichi_disk.pictures.render.marks import Mark, stamp
 from taichi_disk.pictures.render.palette import Ink, ink

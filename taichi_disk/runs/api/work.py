@@ -14,6 +14,7 @@ import numpy as np
 
 from taichi_disk.base import files, runtime
 from taichi_disk.base.errors import NOTICES, NoPictures, SimulationError
+from taichi_disk.base.processes.early import draw_early
 from taichi_disk.base.progress import Progress, silent
 from taichi_disk.experiments.computation.diagnostics import BlowUp
 from taichi_disk.experiments.computation.outcome import Outcome, compute
@@ -23,7 +24,7 @@ from taichi_disk.experiments.scenes.setup import body_of, spectrum_of
 from taichi_disk.mechanics.lattice import Lattice, own_start
 from taichi_disk.mechanics.simulation.simulation import shared_kernels
 from taichi_disk.pictures.plot import draw_plot, plot_run, plot_scene
-from taichi_disk.pictures.render.artist import Artist, draw_early
+from taichi_disk.pictures.render.artist import Artist
 from taichi_disk.runs.api.film import film
 from taichi_disk.runs.api.lattices import compare_lattices, lattice_count
 from taichi_disk.runs.output.arrays import write_lattice, write_timeseries

@@ -13,14 +13,10 @@ import numpy as np
 import pytest
 
 from taichi_disk.base.errors import SimulationError
+from taichi_disk.base.processes.early import draw_early, picture_of
 from taichi_disk.base.processes.pool import Pool
 from taichi_disk.base.signals import deferred_interrupts
-from taichi_disk.pictures.render.artist import (
-    Artist,
-    draw_early,
-    picture_of,
-    shared_array,
-)
+from taichi_disk.pictures.render.artist import Artist, shared_array
 
 # methods of an object that are functions of libraries, which another process finds
 WORKER = SimpleNamespace(

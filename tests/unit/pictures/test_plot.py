@@ -15,6 +15,7 @@ from bodies import computed
 from PIL import Image
 
 from taichi_disk.base import runtime
+from taichi_disk.base.processes.early import draw_early
 from taichi_disk.mechanics.simulation.simulation import shared_kernels
 from taichi_disk.pictures.inline import Plot
 from taichi_disk.pictures.plot import (
@@ -23,7 +24,7 @@ from taichi_disk.pictures.plot import (
     plot_run,
     plot_scene,
 )
-from taichi_disk.pictures.render.artist import draw_early, drawing_process
+from taichi_disk.pictures.render.artist import drawing_process
 
 
 @pytest.fixture(scope="module")
