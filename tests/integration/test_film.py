@@ -396,6 +396,14 @@ def test_a_part_of_a_film_begins_and_ends_where_asked_at_the_pace_of_the_whole(
         film(tmp_path / "film.mp4", [run], Span(start="end", end="contact"))
 
 
+def test_a_comparison_without_flight_ends_with_the_longest_run(run):
+    shorter = replace(run, series={name: y[:-40] for name, y in run.series.items()})
+    for runs in ([run, shorter], [shorter, run]):
+        _, _, words = storyboard(runs, video_of({"flight": 0}), Span(), 20, 10.0)
+        assert {one[-1].t for one in words} == {run.series["t"][-1]}
+        assert all(one[-2].result for one in words)  # is held
+
+
 @pytest.mark.parametrize(
     "span", [Span(at="later"), Span(at=-1.0), Span(at=1e9), Span(at=float("nan"))]
 )

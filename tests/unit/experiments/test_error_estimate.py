@@ -8,6 +8,7 @@ from bodies import computed, words
 from taichi_disk.experiments.computation import error_estimate
 from taichi_disk.experiments.computation.diagnostics import BlowUp
 from taichi_disk.experiments.computation.error_estimate import richardson
+from taichi_disk.experiments.scenes import load_scene
 
 # friction holds points, whose number depends on the step
 HELD = words("""
@@ -120,6 +121,12 @@ def test_if_a_step_does_not_resolve_the_wall_the_estimate_is_half_the_worst_imba
     if spin == 0.0:
         e = scenario.result(outcome.series)["restitution"]
         assert abs(e - truth(kernels, *HARD)) <= estimate < 5e-3
+
+
+def test_a_step_resolves_a_wall_if_it_crosses_less_than_half_its_decay_length():
+    settings = ["wall.a=200", "wall.V0=50", "impact.velocity=0.08"]
+    longest = load_scene("exponential_wall", settings).scenario().wall_step
+    assert 0.9 < longest * 0.08 / (0.5 / 200) <= 1.0
 
 
 def test_a_result_that_another_step_does_not_confirm_is_a_failure(kernels):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from scipy.stats import ttest_1samp
+from scipy.special import stdtr
 
 from docs.experiments.quasistatic import quasistatic_impact
 from taichi_disk.experiments.scenes import load_scene
@@ -116,7 +116,9 @@ def test_the_test_of_a_law_with_one_degree_of_freedom_is_students(shift):
     fit = theory.fit_restitution(v, y)
     # e^2 is linear in s, and differences from the law are small.
     free = np.cross(1.0 / e, 1.0 / (e * np.sqrt(np.log(4.0 / v))))
-    expected = ttest_1samp((y - (y.mean(0) - fit.residuals)) @ free, 0.0).pvalue
+    left = (y - (y.mean(0) - fit.residuals)) @ free
+    student = left.mean() / (left.std(ddof=1) / np.sqrt(9))
+    expected = 2.0 * stdtr(8, -abs(student))
     assert fit.p_value == pytest.approx(expected, rel=0.02)
     assert fit.is_refuted == (shift == 1e-3)
 
@@ -131,6 +133,16 @@ def test_a_law_is_refuted_as_seldom_by_points_that_share_their_errors():
     for y in (noise, noise + 3.0 * rng.normal(size=(n, 1)) * np.arange(10)):
         p = [theory._p_value(one, nothing) for one in y.reshape(-1, 20, 10)]
         assert 0.0 < np.mean(np.array(p) < 0.05) < 0.1
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e6])
+def test_lattices_that_differ_by_rounding_errors_refute_no_law(unit):
+    y = unit * np.random.default_rng(5).normal(size=10)
+    same = y + 1e-16 * unit * np.arange(-3, 4)[:, None]
+    nothing = np.eye(10)[:1]
+    assert np.isnan(theory._p_value(same, nothing))
+    apart = y + 1e-6 * unit * np.random.default_rng(6).normal(size=(7, 10))
+    assert theory._p_value(apart, nothing) < 1e-9
 
 
 @pytest.mark.parametrize("lattices", [1, 4])
