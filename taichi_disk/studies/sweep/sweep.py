@@ -35,7 +35,7 @@ from taichi_disk.base.files import (
 from taichi_disk.base.progress import Progress, reported, silent
 from taichi_disk.experiments.config.tree import as_path
 from taichi_disk.experiments.scenes import Scene
-from taichi_disk.experiments.scenes.sweep_axes import Sweep, value_of
+from taichi_disk.experiments.scenes.sweep_axes import Sweep
 from taichi_disk.mechanics.lattice import file_digest
 from taichi_disk.runs.output.run_folder import refuse_run
 from taichi_disk.studies.sweep import executors
@@ -300,7 +300,7 @@ def _rows(
     rows = []
     for key in keys:
         result = results[key]
-        row = {name: value_of(scenes[key], name) for name in sweep.axes}
+        row = sweep.place_of(scenes[key])
         for name in (*base.results, *optional, *DIAGNOSTICS):
             column = name
             if name in sweep.axes:
@@ -322,7 +322,7 @@ def _summary(sweep: Sweep, rows: list[Row], computed_now: int) -> dict[str, Any]
             failed.append({name: row[name] for name in reported})
     return {
         "scene": sweep.scenes[0].scene,
-        "axes": sweep.axes,
+        "axes": list(sweep.axes),
         "points": len(rows),
         "computed_now": computed_now,
         "failed": failed,

@@ -47,14 +47,19 @@ def test_steps_are_as_reported_and_launches_leave_no_trace(name, kernels, monkey
     short = driver_of(kernels, *SCENES[name])
     assert short.advance(steps=11) == "running"
     assert short.simulation.step_number == 11
+    early = short.state, short.row
     assert short.advance(seconds=0.0) == "running"
     assert 11 < short.simulation.step_number < state.step
-    while short.advance(steps=777) == "running":
-        pass
-    assert short.status == "finished"
-    assert_array_equal(short.end.vectors, state.vectors)
-    for key, column in columns.items():
-        assert_array_equal(short.columns[key], column)
+    for is_again in (False, True):
+        if is_again:
+            short.back_to(*early)
+            assert (short.status, short.count) == ("running", 1 + 11 // short.stride)
+        while short.advance(steps=777) == "running":
+            pass
+        assert short.status == "finished"
+        assert_array_equal(short.end.vectors, state.vectors)
+        for key, column in columns.items():
+            assert_array_equal(short.columns[key], column)
     # it stays finished
     assert short.advance(steps=5) == "finished"
     assert short.simulation.step_number == state.step

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from taichi_disk.base.errors import SimulationError
+from taichi_disk.base.processes.early import draw_early, picture_of
 from taichi_disk.base.processes.pool import Pool
 from taichi_disk.base.signals import deferred_interrupts
 from taichi_disk.pictures.render import artist as module
@@ -67,6 +68,15 @@ def test_without_shared_memory_a_thread_does_what_the_process_would(
         call("make", "a")
         call("change", "a")  # of this process
     assert os.getcwd() == str(tmp_path / "a")
+
+
+def test_a_picture_that_was_drawn_early_is_used_once(artist):
+    artist.begin(draw_early, math.sqrt, 4.0)
+    artist.begin(draw_early, math.sqrt, -4.0)  # its error hides nothing
+    roots = [artist.begin(picture_of, math.sqrt, 9.0)() for _ in range(2)]
+    assert roots == [2.0, 3.0]
+    Artist().begin(draw_early, math.sqrt, 4.0)
+    assert picture_of(math.sqrt, 9.0) == 3.0
 
 
 @pytest.mark.parametrize("has_process", [True, False])

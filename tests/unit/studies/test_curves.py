@@ -24,6 +24,12 @@ THROW_AXES = ["eta_star", "seed", "velocity"]
 PAPER = "paper: d₁ = 0.973, d₂ = 0.119"
 
 
+def analysed(kind, axes, rows, setting="", **options):
+    scene = load_scene(kind, setting.split())
+    homes = {name: scene.homes(name)[0] for name in axes}
+    return analyse(scene, homes, rows, **options)
+
+
 def test_planted_parameters_of_eq_5_come_back():
     for d1, d2 in ((0.973, 0.119), (1.0, 0.6), (1.6, 1.4)):
         fit = theory.fit_restitution(V, theory.paper_restitution(V, d1, d2)[None])
@@ -177,7 +183,7 @@ def test_the_moduli_are_the_mean_over_lattices_however_many_rows_each_has():
     first = [(0, p, 1.0) for p in (1e-3, 2e-3, 3e-3)]
     rows = pressed(*first, (1, 1e-3, 1.2), (1, 2e-3, 1.2))
     rows.append(rows[-1] | {"pressure": 3e-3, "status": "failed", "xi": None})
-    (curve,) = analyse(load_scene("compression"), ["seed", "pressure"], rows).curves
+    (curve,) = analysed("compression", ["seed", "pressure"], rows).curves
     assert (curve.young, curve.poisson) == (pytest.approx(1.1), pytest.approx(0.33))
     assert curve.y.shape == (1, 3)  # the lattice of which a point failed is left out
 
@@ -187,7 +193,7 @@ def test_the_moduli_are_those_of_the_lattices_of_the_curve():
     rows += pressed((0, 1e-3, 1.0), (1, 1e-3, 1.2), method="newton", points=300)
     rows += pressed((0, 1e-3, 1.5), method="newton", points=60)
     axes = ["points", "method", "seed", "pressure"]
-    curves = analyse(load_scene("compression"), axes, rows).curves
+    curves = analysed("compression", axes, rows).curves
     assert [curve.young for curve in curves] == pytest.approx([1.0, 1.1, 1.5])
 
 
@@ -223,8 +229,7 @@ def test_eq_4_is_fitted_where_there_are_dashpots_swept_or_not(
     kind, setting, name, number, is_fitted
 ):
     axes = ["seed", "velocity"] if name == "other" else [name, "seed", "velocity"]
-    scene = load_scene(kind, setting.split())
-    (curve,) = analyse(scene, axes, thrown(number, name)).curves
+    (curve,) = analysed(kind, axes, thrown(number, name), setting).curves
     assert ("eq4" in curve.fits) == is_fitted
 
 
@@ -241,7 +246,7 @@ def test_a_law_is_fitted_up_to_the_speed_that_it_has_a_meaning_for(young):
         for row in rows:
             row["velocity"] *= fastest / V.max()
             row["young"] = young
-        (curve,) = analyse(load_scene("exponential_wall"), THROW_AXES, rows).curves
+        (curve,) = analysed("exponential_wall", THROW_AXES, rows).curves
         assert curve.fits.keys() - {"curvature"} == left
 
 
@@ -253,7 +258,7 @@ def test_a_lattice_from_a_file_has_no_moduli_and_leaves_a_random_one_its_own(own
     own = [row | unknown for row in random]
     rows = own + random if own_first else random + own
     axes = ["lattice.file", "seed", "pressure"]
-    curves = analyse(load_scene("compression"), axes, rows).curves
+    curves = analysed("compression", axes, rows).curves
     found = {curve.label["lattice.file"]: curve for curve in curves}
     assert found["none"].summary()["young"] == pytest.approx(1.1)
     assert found["own.npz"].summary()["young"] is None
@@ -267,7 +272,7 @@ def test_lattices_of_files_are_named_without_their_common_folder_and_judge_no_la
         unknown = {"young": None, "poisson": None}
         rows += [row | unknown for row in thrown(file, "lattice.file", lattices=1)]
     axes = ["lattice.file", "velocity"]
-    curves = analyse(load_scene("exponential_wall"), axes, rows).curves
+    curves = analysed("exponential_wall", axes, rows).curves
     names = [curve.label["lattice.file"] for curve in curves]
     assert names == ["one/lattice.npz", "two/lattice.npz"]
     assert not any(curve.fits for curve in curves)
@@ -275,7 +280,7 @@ def test_lattices_of_files_are_named_without_their_common_folder_and_judge_no_la
 
 
 def test_the_same_values_draw_the_same_bytes(tmp_path):
-    diagram = analyse(load_scene("absorbing_wall"), THROW_AXES, thrown(10.0))
+    diagram = analysed("absorbing_wall", THROW_AXES, thrown(10.0))
     drawn = []
     for _ in range(2):
         draw(diagram, tmp_path)
@@ -286,13 +291,13 @@ def test_the_same_values_draw_the_same_bytes(tmp_path):
 
 def test_folded_points_are_left_out_and_lattices_are_complete_elsewhere():
     rows = thrown(30.0, lattices=5)
-    whole = analyse(load_scene("exponential_wall"), THROW_AXES, rows).curves[0]
+    whole = analysed("exponential_wall", THROW_AXES, rows).curves[0]
     text = "3 triangles of the lattice turned inside out: springs have crossed"
     for row in rows:
         if row["velocity"] == V[-1] or (row["seed"], row["velocity"]) == (2, V[3]):
             row["warnings"] = text
             row["restitution"] = 0.3
-    (curve,) = analyse(load_scene("exponential_wall"), THROW_AXES, rows).curves
+    (curve,) = analysed("exponential_wall", THROW_AXES, rows).curves
     assert curve.folded == 6
     np.testing.assert_array_equal(curve.x, V[:-1])
     np.testing.assert_array_equal(curve.y, whole.y[[0, 1, 3, 4], :-1])
@@ -300,11 +305,11 @@ def test_folded_points_are_left_out_and_lattices_are_complete_elsewhere():
     assert label == "eta_star: 30, lattices: 4, 6 folded points in no fit"
     # a curve that folds everywhere is drawn, and fitted by no law
     crushed = [row | {"warnings": text} for row in rows]
-    (curve,) = analyse(load_scene("exponential_wall"), THROW_AXES, crushed).curves
+    (curve,) = analysed("exponential_wall", THROW_AXES, crushed).curves
     assert curve.y.shape == (5, 12)
     assert not curve.fits
     # over any other axis all points count
-    diagram = analyse(load_scene("exponential_wall"), THROW_AXES, rows, x="eta_star")
+    diagram = analysed("exponential_wall", THROW_AXES, rows, x="eta_star")
     assert sum(np.isfinite(one.y).sum() for one in diagram.curves) == 60
 
 
@@ -312,7 +317,7 @@ def test_the_line_of_eq_5_ends_where_e_is_1():
     rows = thrown(-3.0)  # e is above 1 at all speeds
     for row in thrown(3.0):
         rows.append(row | {"restitution": row["restitution"] * 1.0065})
-    curves = analyse(load_scene("absorbing_wall"), THROW_AXES, rows).curves
+    curves = analysed("absorbing_wall", THROW_AXES, rows).curves
     beyond, some = (LAWS["eq5"].line(one, one.fits["eq5"]) for one in curves)
     assert len(beyond[0]) == 0
     assert 0 < len(some[0]) < 80
