@@ -25,6 +25,7 @@ FILMS = ("video.mp4", "video.webm", "video.gif", "video.html", "frames")
 # the last kind: what a killed process had not finished
 RUN_FILES = re.compile(
     r"scene\.yaml|summary\.json|timeseries\.csv|(lattice|final|failure)\.npz|plot\.png"
+    r"|outline\.\w+"
     r"|\..+-\d+\.new\..+"
 )
 # films, and default names of what `render` and `export` add to a run
