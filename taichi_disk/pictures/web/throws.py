@@ -7,26 +7,26 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.experiments.computation.contact import contact_interval
 from taichi_disk.experiments.computation.stability import explicit_limit
 from taichi_disk.experiments.config.sections import SLIDERS, VideoSection
 from taichi_disk.mechanics.lattice.network import laplacian, largest_eigenvalue
-from taichi_disk.mechanics.simulation.observables import BY_NAME
 from taichi_disk.pictures import plot
-from taichi_disk.pictures.panel import ON_DARK
-from taichi_disk.pictures.plot import INK, LINE
+from taichi_disk.pictures.curves import LOOKS, Look
 from taichi_disk.pictures.render import geometry, moments, palette, recording
-from taichi_disk.pictures.render.moments import time_of
 from taichi_disk.pictures.render.recording import Flight
 from taichi_disk.pictures.web.drawing import encoded
 
 # most springs times steps of a run that is thrown again on a page: some 0.2 s
 _MOST_WORK = 2.5e7
-# columns of the curves over time, in three panels
-_PANELS = (
-    ("com_vy",),
-    ("wall_force",),
-    ("translation", "vibration", "elastic", "wall", "dissipated"),
+# columns of the curves over time
+_COLUMNS = (
+    "com_vy",
+    "wall_force",
+    "translation",
+    "vibration",
+    "elastic",
+    "wall",
+    "dissipated",
 )
 
 # numbers by which a film chooses what it shows, and a page for its own throws, too
@@ -74,7 +74,7 @@ def throwable(flight: Flight, video: VideoSection) -> dict[str, Any] | None:
     steps = run.series["t"][-1] / explicit_limit(omega, eta * damping)
     if steps * len(lattice.bonds) > _MOST_WORK:
         return None
-    first, second = contact_interval(run.series)
+    contact = run.contact
     return (
         asdict(scene.material)
         | asdict(scene.wall)
@@ -91,8 +91,8 @@ def throwable(flight: Flight, video: VideoSection) -> dict[str, Any] | None:
             "omega": omega,
             "damping": damping,
             "top": scenario.gap - flight.start * scenario.velocity,
-            "moments": [first, time_of("greatest", run.series), second],
-            "curves": _curves(),
+            "moments": [contact.start, contact.greatest, contact.end],
+            "curves": [_curve(LOOKS[column]) for column in _COLUMNS],
             "rules": _RULES,
             "numbers": scenario.numbers(),
             "sliders": SLIDERS,
@@ -101,12 +101,6 @@ def throwable(flight: Flight, video: VideoSection) -> dict[str, Any] | None:
     )
 
 
-def _curves() -> list[list[Any]]:
-    """Return panel, column, name and colours of a throw's curves."""
-    found = []
-    for panel, columns in enumerate(_PANELS):
-        for column in columns:
-            kind = BY_NAME[column]
-            colour = kind.colour or (LINE, INK)[panel]
-            found.append([panel, column, kind.label, [colour, ON_DARK[colour]]])
-    return found
+def _curve(look: Look) -> list[Any]:
+    """Return panel, column, name and colours of a throw's curve."""
+    return [look.panel, look.column, look.name, look.colours]
