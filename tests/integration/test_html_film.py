@@ -370,8 +370,8 @@ const disks = films.map(({ scene, again }) => diskOf(again, Object.fromEntries(
   names.map((name) => [name, decoded(scene[name], Uint32Array)]))));
 const found = disks.flatMap((disk) => THROWS.map(([v, eta]) => {
   const { moments, rows, end, dt, restitution } = thrown(disk, v, eta);
-  const { elastic, vibration, translation, dissipated } = rows[end];
-  const energies = [elastic, vibration + translation, dissipated];
+  const { elastic, vibration, rotation, translation, dissipated } = rows[end];
+  const energies = [elastic, vibration + rotation + translation, dissipated];
   const contact = moments[2] - moments[0];
   return [restitution, Math.round(rows[end].t / dt), contact, ...energies];
 }));

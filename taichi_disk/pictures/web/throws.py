@@ -26,7 +26,7 @@ _MOST_WORK = 2.5e7
 _PANELS = (
     ("com_vy",),
     ("wall_force",),
-    ("translation", "vibration", "elastic", "wall", "dissipated"),
+    ("translation", "rotation", "vibration", "elastic", "wall", "dissipated"),
 )
 
 # numbers by which a film chooses what it shows, and a page for its own throws, too
@@ -59,6 +59,7 @@ def throwable(flight: Flight, video: VideoSection) -> dict[str, Any] | None:
     if (
         scene.scene != "exponential_wall"
         or scene.is_oblique
+        or scene.impact.gap != "auto"
         or (settings.dt, settings.tolerance) != ("auto", "none")
         or scene.lattice.file != "none"
         or scene.material.dashpot != "vector"
@@ -84,7 +85,6 @@ def throwable(flight: Flight, video: VideoSection) -> dict[str, Any] | None:
             "masses": encoded(masses, np.float64),
             "velocity": scenario.velocity,
             "gap": scenario.gap,
-            "gap_is_auto": scene.impact.gap == "auto",
             "safety": settings.safety,
             "interval": settings.sample_interval,
             "magnify": video.magnify,
