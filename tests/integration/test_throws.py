@@ -26,7 +26,11 @@ const diskOfFilm = ({ again, runs: [{ scene }] }) => {
 """
 FLY = """
 const found = films.map((film, k) => {
-  const { restitution, rows, end, dt } = thrown(diskOfFilm(film), ...throws[k]);
+  const steps = throwing(diskOfFilm(film), ...throws[k]);
+  let next;
+  do next = steps.next();
+  while (!next.done);
+  const { restitution, rows, end, dt } = next.value;
   return [restitution, Math.round(rows[end].t / dt)];
 });
 console.log(JSON.stringify(found));
