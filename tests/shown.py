@@ -21,8 +21,7 @@ from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
-from taichi_disk.mechanics.simulation.observables import COLUMNS
-from taichi_disk.pictures.panel import ON_DARK
+from taichi_disk.pictures.curves import ENERGIES, FORCE
 from taichi_disk.pictures.render.palette import THEMES
 
 LOOKS = Path(__file__).with_name("looks")
@@ -38,9 +37,8 @@ def colours():
     light, dark = THEMES.values()
     for name in PARTS:
         yield name, to_hex(getattr(light, name)), to_hex(getattr(dark, name))
-    curves = {column.colour: column.label for column in COLUMNS if column.colour}
-    for value, other in ON_DARK.items():
-        yield f"curve of {curves.get(value, 'force')}", value.lower(), other.lower()
+    for look in (FORCE, *ENERGIES):
+        yield f"curve of {look.name or 'force'}", *map(str.lower, look.colours)
 
 
 NAMES = {}

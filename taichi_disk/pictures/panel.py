@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_disk.pictures.curves import MOTION
 from taichi_disk.pictures.plot import (
     PANEL_HEIGHTS,
     RAISED,
@@ -42,10 +43,11 @@ class PanelScene:
 
     Attributes:
         t: (k,) times [R/c], evenly over the panel's width.
-        curves: values (k,) in units of their axes, and colours of the theme.
+        curves: values (k,) in units of their axes.
         labels: of the axes, from top to bottom.
         size: of the picture (width, height) [px].
         letter: size of the titles' letters [px].
+        ground: 0 if it is light, 1 if it is dark.
         colours: of ground, ink, faint words, rules and coming curves, by name.
     """
 
@@ -55,6 +57,7 @@ class PanelScene:
     time_label: str
     size: tuple[int, int]
     letter: float
+    ground: int
     colours: dict[str, Any]
 
 
@@ -70,22 +73,6 @@ class PanelPictures:
     coming: Picture
     past: Picture
     boxes: list[Box]
-
-
-# Colours of curves on a dark ground.
-ON_DARK = {
-    "#00806A": "#2FC79B",
-    "#1A1A1E": "#EDEDE8",
-    "#C23F00": "#FF7F50",
-    "#8F6500": "#E0B040",
-    "#1F6FB5": "#4FB3F0",
-    "#8E5BC0": "#C9A0F0",
-    "#882255": "#E88AB4",
-    "#B0478A": "#F0A0CF",
-    "#6F7A00": "#C8D050",
-    "#6B6B6B": "#ABABAB",
-    "#8C5A2B": "#D9A066",
-}
 
 
 def factored(label: str, largest: float) -> tuple[str, float]:
@@ -113,11 +100,11 @@ def draw_panel(scene: PanelScene) -> PanelPictures:
         axes = [_axes(figure, scene, panel, box) for panel, box in enumerate(boxes)]
         lines = []
         for curve in scene.curves:
-            lines += axes[curve.panel].plot(
+            lines += axes[curve.look.panel].plot(
                 scene.t,
                 curve.values,
-                color=curve.colour,
-                linestyle=curve.style,
+                color=curve.look.colours[scene.ground],
+                linestyle=curve.look.style,
                 label=curve.name,
             )
         _add_names(axes[-1], scene)
@@ -128,7 +115,7 @@ def draw_panel(scene: PanelScene) -> PanelPictures:
         coming = image.copy()
         # draws only the curves again, which takes a tenth of the time
         for curve, line in zip(scene.curves, lines, strict=True):
-            line.set_color(curve.colour)
+            line.set_color(curve.look.colours[scene.ground])
             line.axes.draw_artist(line)
         return PanelPictures(coming, image.copy(), boxes)
 
@@ -174,7 +161,7 @@ def _axes(figure: Any, scene: PanelScene, panel: int, box: Box) -> Any:
     title = ax.set_title(scene.labels[panel].replace("  ", " "))
     texts = [title]
     if panel == 0:
-        title.set_color(scene.curves[0].colour)
+        title.set_color(MOTION.colours[scene.ground])
     if panel < len(PANEL_HEIGHTS) - 1:
         ax.tick_params(labelbottom=False)
     else:

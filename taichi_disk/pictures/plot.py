@@ -10,6 +10,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
@@ -17,18 +18,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_disk.base.files import atomic_write
-from taichi_disk.experiments.computation.contact import results_time, vibration_left
+from taichi_disk.base.processes.early import picture_of
+from taichi_disk.experiments.computation.contact import Contact
 from taichi_disk.experiments.computation.words import Words
 from taichi_disk.experiments.scenes.scene import origin
-from taichi_disk.mechanics.simulation.observables import (
-    BY_NAME,
-    VELOCITY,
-    Columns,
-    of_kind,
-)
+from taichi_disk.mechanics.simulation.observables import Columns
+from taichi_disk.pictures.curves import ENERGIES, FORCE, LOOKS, MOTION, Look
 
 if TYPE_CHECKING:
-    from taichi_disk.experiments.computation.scenario import Array, Scenario
+    from taichi_disk.experiments.computation.scenario import Scenario
+    from taichi_disk.mechanics.lattice import Array
     from taichi_disk.pictures.inline import Plot
 
 STYLE = {
@@ -45,18 +44,9 @@ STYLE = {
     "legend.frameon": False,
     "legend.fontsize": 8.5,
 }
-LINE = VELOCITY  # of the main curve
-INK = "#1A1A1E"  # of the wall's force
+LINE, _ = MOTION.colours
 MARK = "0.45"
 SUM = "#222222"
-# Styles of lines whose colours colour-blind readers confuse with those of solid ones.
-STYLES = {
-    "wall": "--",
-    "dissipated": "--",
-    "load": ":",
-    "sliding": ":",
-    "friction": ":",
-}
 # curves end when the kinetic energy falls below this fraction of its maximum
 # (amplitude: 1e-4)
 AT_REST = 1e-8
@@ -101,14 +91,11 @@ def powers() -> Any:
 
 @dataclass(frozen=True)
 class TimeCurve:
-    """A curve over time: its panel (0: motion, 1: force, 2: energies), values (rows,),
-    name, colour and Matplotlib's style of its line."""
+    """A curve over time: its look, values (rows,) and name."""
 
-    panel: int
+    look: Look
     values: Array
-    name: str
-    colour: str
-    style: str = "-"
+    name: str = ""
 
 
 def curves(scenario: Scenario, columns: Columns) -> list[TimeCurve]:
@@ -118,25 +105,23 @@ def curves(scenario: Scenario, columns: Columns) -> list[TimeCurve]:
     quasi-static loading.
     """
     found = [
-        TimeCurve(0, scenario.motion(columns), "", LINE),
-        TimeCurve(1, columns["wall_force"], "", INK),
+        TimeCurve(MOTION, scenario.motion(columns)),
+        TimeCurve(FORCE, columns["wall_force"]),
     ]
     largest = max(columns["kinetic"].max(), columns["elastic"].max())
-    for name in of_kind("part", "energy", "loss"):
-        column = BY_NAME[name]
-        if not column.label or name not in columns:
+    for look in ENERGIES:
+        if look.column not in columns:
             continue
-        values = columns[name]
-        label = column.label
-        if name == "translation" and not scenario.is_thrown:
-            label = "motion"
-        if name == "load":
+        values = columns[look.column]
+        name = look.name
+        if look.column == "translation" and not scenario.is_thrown:
+            name = "motion"
+        if look.column == "load":
             if scenario.static:
                 continue
             values = values - values[0]
         if np.abs(values).max() > VISIBLE_ENERGY * largest:
-            style = STYLES.get(name, "-")
-            found.append(TimeCurve(2, values, label, column.colour, style))
+            found.append(TimeCurve(look, values, name))
     return found
 
 
@@ -163,79 +148,88 @@ class PlotScene:
         words: names of the quantities.
         numbers: results by name.
         columns: time series, as in timeseries.csv.
+        contact: the contact in it.
         curves: curves over time.
         quality: (rows,) accuracy of the run.
         laws: continuum laws for the compression, (rows,) [R], by name.
         static: whether the rows are equilibria of a loading.
-        headline: the result to quote, or "".
         origin: metadata of the file.
     """
 
     words: Words
     numbers: dict[str, float]
     columns: Columns
+    contact: Contact
     curves: list[TimeCurve]
     quality: Array
     laws: dict[str, Array]
     static: bool
-    headline: str
     origin: str
 
 
-def plot_scene(scenario: Scenario, columns: Columns, headline: str = "") -> PlotScene:
-    """Return what the plot of a run shows, under a headline."""
+def plot_scene(scenario: Scenario, columns: Columns) -> PlotScene:
+    """Return what the plot of a run shows."""
     return PlotScene(
         words=scenario.words,
         numbers=scenario.result(columns),
         columns=columns,
+        contact=Contact(columns),
         curves=curves(scenario, columns),
         quality=scenario.quality(columns),
         laws=scenario.continuum(columns),
         static=scenario.static,
-        headline=headline,
         origin=origin(scenario.stored_scene),
     )
 
 
-def plot_run(path: Path, scene: PlotScene) -> None:
+def plot_run(path: Path, scene: PlotScene, headline: str = "") -> None:
     """Draw the time series of a run into a bitwise reproducible PNG. Raises
     SimulationError if the file cannot be written."""
+    from matplotlib.image import imsave
+
+    figure: Any = run_figure(scene, headline)
+    metadata: Any = {"Software": None, "Description": scene.origin}
+    write = partial(
+        imsave,
+        arr=figure.canvas.buffer_rgba(),
+        dpi=figure.dpi,
+        metadata=metadata,
+        pil_kwargs={"compress_level": 3},
+    )
+    atomic_write(path, write)
+
+
+def run_figure(scene: PlotScene, headline: str) -> Plot:
+    """Return the plot of a run under the result to quote."""
+    figure = picture_of(draw_plot, scene)
+    parameters = "    ".join(scene.words.title[1:])
+    title = f"{fill(parameters, 95)}\n{fill(headline, 95)}"
     with matplotlib_style(STYLE):
-        figure = _drawn(scene)
-        metadata = {"Software": None, "Description": scene.origin}
-        atomic_write(
-            path,
-            lambda new: figure.savefig(
-                new, metadata=metadata, pil_kwargs={"compress_level": 3}
-            ),
+        # a figure draws its title last in any case
+        figure.draw_artist(
+            figure.suptitle(title.strip(), y=0.99, fontsize=9.5, fontweight="bold")
         )
-
-
-def run_figure(scene: PlotScene) -> Plot:
-    with matplotlib_style(STYLE):
-        figure = _drawn(scene)
-        figure.draw_without_rendering()  # fixes the style of ticks and grid
     return figure
 
 
-def _drawn(scene: PlotScene) -> Plot:
+def draw_plot(scene: PlotScene) -> Plot:
+    """Return the plot of a run without the title, which needs all lattices."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     from taichi_disk.pictures.inline import Plot
 
-    figure = Plot(figsize=(7.6, 9.2), dpi=120)
-    FigureCanvasAgg(figure)
-    parameters = "    ".join(scene.words.title[1:])
-    title = f"{fill(parameters, 95)}\n{fill(scene.headline, 95)}"
-    figure.suptitle(title.strip(), y=0.99, fontsize=9.5, fontweight="bold")
-    if scene.static:
-        _draw_loading(figure, scene)
-    else:
-        _draw_run(figure, scene)
-    for ax in figure.axes:
-        ax.yaxis.set_label_coords(-0.11, 0.5)
-        if ax.get_yscale() == "linear":
-            ax.yaxis.set_major_formatter(powers())
+    with matplotlib_style(STYLE):
+        figure = Plot(figsize=(7.6, 9.2), dpi=120)
+        canvas = FigureCanvasAgg(figure)
+        if scene.static:
+            _draw_loading(figure, scene)
+        else:
+            _draw_run(figure, scene)
+        for ax in figure.axes:
+            ax.yaxis.set_label_coords(-0.11, 0.5)
+            if ax.get_yscale() == "linear":
+                ax.yaxis.set_major_formatter(powers())
+        canvas.draw()  # also fixes the style of ticks and grid
     return figure
 
 
@@ -257,15 +251,14 @@ def _draw_run(figure: Any, scene: PlotScene) -> None:
     for ax, label in zip(axes, axis_labels(words), strict=False):
         ax.set_ylabel(label)
     for curve in scene.curves:
-        ax = axes[curve.panel]
-        ax.plot(
+        axes[curve.look.panel].plot(
             t,
             curve.values,
-            color=curve.colour,
-            linestyle=curve.style,
+            color=curve.look.colours[0],
+            linestyle=curve.look.style,
             label=curve.name,
         )
-    _mark_vibration(energies, columns)
+    _mark_vibration(energies, scene)
     result_mark, force_mark = (mark.format(**scene.numbers) for mark in words.marks)
     _mark(motion, scene.curves[0].values, result_mark, side="right")
     force.annotate(
@@ -291,20 +284,20 @@ def _draw_run(figure: Any, scene: PlotScene) -> None:
     quality.set(ylabel=quality_label, yscale=scale)
 
 
-def _mark_vibration(ax: Any, columns: Columns) -> None:
+def _mark_vibration(ax: Any, scene: PlotScene) -> None:
     """Mark the energy of vibration, kinetic and elastic, that is left after an impact
     by a dot."""
-    flight = columns["translation"][0]
+    flight = scene.columns["translation"][0]
     if not flight:
         return
-    left = vibration_left(columns)
+    left = scene.contact.vibration_left
     share = "< 0.01 %"
     if abs(left) >= 1e-4:
         share = f"{100.0 * left:.2g} %"
     ax.plot(
-        [results_time(columns)],
+        [scene.contact.results_time],
         [left * flight],
-        color=BY_NAME["vibration"].colour,
+        color=LOOKS["vibration"].colours[0],
         linestyle="none",
         marker="o",
         markersize=4,
@@ -328,13 +321,13 @@ def _draw_loading(figure: Any, scene: PlotScene) -> None:
         force.plot(law, load, style, color=SUM, label=name)
     _mark(force, load, words.marks[0].format(**scene.numbers), side="left")
     for name in ("elastic", "wall"):
-        column = BY_NAME[name]
+        look = LOOKS[name]
         energy.plot(
             xi,
             columns[name],
-            label=column.label,
-            color=column.colour,
-            linestyle=STYLES.get(name, "-"),
+            label=look.name,
+            color=look.colours[0],
+            linestyle=look.style,
         )
     stored = columns["elastic"] + columns["wall"]
     dashes = (0, (8, 2))

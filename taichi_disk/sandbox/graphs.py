@@ -11,32 +11,21 @@ from numpy.typing import NDArray
 from taichi_disk.experiments.computation.scenario import Scenario
 from taichi_disk.mechanics.fields import QUANTITIES
 from taichi_disk.mechanics.lattice import Array
-from taichi_disk.mechanics.simulation.observables import (
-    BY_NAME,
-    INDEX,
-    VELOCITY,
-    of_kind,
-    split,
-)
-from taichi_disk.pictures.panel import ON_DARK
-from taichi_disk.pictures.plot import INK
+from taichi_disk.mechanics.simulation.observables import INDEX, of_kind, split
+from taichi_disk.pictures.curves import LOOKS
 from taichi_disk.pictures.render.palette import full_scale, round_near
 from taichi_disk.sandbox.sandbox import Sandbox, load_key, value_of
 
 MAX_CURVE_POINTS = 400  # most points of a curve
 _ENERGIES = [*of_kind("part"), "elastic", "wall", *of_kind("loss")]
 _LOSSES = [INDEX[name] for name in of_kind("loss")]
-
-
-# Graph and name of each curve, and its colour, which is that of films. The names
+# Graph and name of each curve, and its colours, which are those of films. The names
 # "flight" and "motion" depend on the scene.
-_ON_LIGHT = (
-    *(("energy", BY_NAME[name].label, BY_NAME[name].colour) for name in _ENERGIES),
-    ("force", "force of the wall", INK),
-    ("motion", "motion", VELOCITY),
-)
-# the same with the colours on a light and on a dark ground
-CURVES = [(graph, name, colour, ON_DARK[colour]) for graph, name, colour in _ON_LIGHT]
+CURVES = [
+    *(("energy", LOOKS[name].name, *LOOKS[name].colours) for name in _ENERGIES),
+    ("force", "force of the wall", *LOOKS["wall_force"].colours),
+    ("motion", "motion", *LOOKS["com_vy"].colours),
+]
 
 
 class Graphs:

@@ -9,9 +9,6 @@ from math import inf
 from time import perf_counter
 from typing import NamedTuple
 
-import numpy as np
-
-from taichi_disk.experiments.computation.diagnostics import EnergyBalance
 from taichi_disk.experiments.computation.driver import Driver, Status
 from taichi_disk.experiments.computation.scenario import Scenario
 from taichi_disk.experiments.computation.stability import Spectrum
@@ -20,7 +17,7 @@ from taichi_disk.experiments.scenes import Scene
 from taichi_disk.experiments.scenes.setup import body_of, spectrum_of
 from taichi_disk.mechanics.lattice import Array, Lattice
 from taichi_disk.mechanics.physics import MouseSpring
-from taichi_disk.mechanics.simulation.observables import INDEX, within
+from taichi_disk.mechanics.simulation.observables import INDEX
 from taichi_disk.mechanics.simulation.simulation import MAX_STEPS, KernelCache
 from taichi_disk.mechanics.simulation.stepping import Snapshot
 
@@ -97,31 +94,6 @@ class Segment(Driver):
             began=self.began,
             hit_began=self.hit_began,
         )
-
-    def back_to(self, checkpoint: Checkpoint) -> None:
-        """Continue from an earlier state of this attempt, and forget all later ones."""
-        snapshot = checkpoint.snapshot
-        self.simulation = self._simulation()
-        self.simulation.restore(snapshot)
-        self.count = 1 + snapshot.step // self.stride
-        inside = within(self.rows[1:], self.bounds)
-        last_inside = int(np.argmin(np.append(inside[::-1], False)))
-        self.settled_rows = min(last_inside, self.needed_rows - 1)
-        self.balance = EnergyBalance(self.rows[0], self.scenario.model.elastic)
-        self.balance.first_lost(self.rows)
-        self.state = snapshot
-        self.row = checkpoint.row
-        self.failure = None
-        self.end = self.end if self.end and snapshot.step >= self.end.step else None
-        self.status = "finished" if self.end else "running"
-
-    def pull(self, point: int, target: tuple[float, float]) -> None:
-        """Tie a point to the mouse at `target` [R] from now on."""
-        jump = self.simulation.set_mouse_target(point, target)
-        self.row = self.row.copy()
-        self.row[INDEX["load"]] += jump
-        self.balance.give(jump)
-        self.state = self.simulation.snapshot()
 
 
 @dataclass(frozen=True, eq=False)
@@ -347,5 +319,5 @@ class Timeline:
         forgotten."""
         del self.checkpoints[self.checkpoints.index(self.display) + 1 :]
         self.segment = self.display.segment
-        self.segment.back_to(self.display)
+        self.segment.back_to(self.display.snapshot, self.display.row)
         self.display = self.segment.present

@@ -29,7 +29,7 @@ from taichi_disk import run
 from taichi_disk.experiments.computation.outcome import compute
 from taichi_disk.experiments.scenes import load_scene
 from taichi_disk.experiments.scenes.setup import outcome_of
-from taichi_disk.mechanics.simulation.observables import BLUE, GREEN, ORANGE, PINK, RED
+from taichi_disk.pictures.curves import OKABE_ITO
 from taichi_disk.pictures.plot import matplotlib_style
 from taichi_disk.studies.figures.drawing import log_if_wide
 
@@ -53,6 +53,7 @@ RTOLS = {
     "Radau": (1e-5,),
     "BDF": (1e-6, 1e-7),
 }
+BLUE, RED, GREEN, ORANGE, PINK = OKABE_ITO
 VERLET = "velocity_verlet"
 IMADA = "takahashi_imada"
 TRAPEZOIDAL = "trapezoidal"

@@ -14,7 +14,6 @@ from programs import packed
 
 from taichi_disk import load_scene
 from taichi_disk.cli import main
-from taichi_disk.experiments.computation.contact import greatest_compression
 from taichi_disk.mechanics.fields import QUANTITIES, Triangles, at_points
 from taichi_disk.pictures.render import artist
 from taichi_disk.pictures.web.drawing import FILM, bundle
@@ -402,7 +401,7 @@ def test_a_page_steps_as_velocity_verlet_does_and_knows_every_colour(
         result = api.run(throwable(**changes), lattices=1)
         film, _ = packed(result.film(tmp_path / "film.html"))
         again = film["again"]
-        _, x, v = result.state(greatest_compression(result.series))
+        _, x, v = result.state(result.contact.greatest)
         state = {"x": x.ravel().tolist(), "v": v.ravel().tolist()}
         films.append({"scene": film["runs"][0]["scene"], "again": again, **state})
         for v, eta in THROWS:
@@ -426,7 +425,7 @@ def test_a_page_steps_as_velocity_verlet_does_and_knows_every_colour(
     assert found[:, 2:] == pytest.approx(expected[:, 2:], abs=1e-8)
     assert (found[:, 1] == expected[:, 1]).all()
     result = api.run(throwable(), lattices=1)
-    _, x, v = result.state(greatest_compression(result.series))
+    _, x, v = result.state(result.contact.greatest)
     triangles = Triangles(result.lattice)
     for name, colours in zip(QUANTITIES, computed["colours"], strict=True):
         springs = result.scenario.model.springs

@@ -1,5 +1,6 @@
 """The set-up script in a clone: line ends, a finished environment, copied folders,
-ordinary users, machines without browsers, drivers or wheels."""
+ordinary users, machines without browsers, drivers or wheels. The script of the tests:
+what it prints last, and what it fails for."""
 
 import os
 import shutil
@@ -133,6 +134,28 @@ case "$*" in *chromium) echo "{missing}" >&2; exit 100 ;; esac""",
     assert missing in done.stderr
     assert "setup: no chromium here: a test is left out\n" in done.stdout
     assert "no firefox-esr here" not in done.stdout
+
+
+@pytest.mark.parametrize(
+    "bad", ["ruff", "mypy", "lint-imports", "mkdocs", "python", ""]
+)
+def test_checks_run_beside_the_tests_and_speak_only_if_they_fail(clone, bad):
+    shutil.copy(ROOT / ".ci/test", clone / ".ci")
+    script(clone / ".ci/setup", "")
+    (clone / ".venv/bin").mkdir(parents=True)
+    for name in ("ruff", "mypy", "lint-imports", "mkdocs", "python"):
+        line = f'echo "{name} $*"; exit {3 * (name == bad)}'
+        script(clone / ".venv/bin" / name, line)
+    command = ["sh", ".ci/test", "tests/physics", "-k", "two words"]
+    path = {"PATH": str(clone / "tools")}
+    done = subprocess.run(
+        command, cwd=clone, env=path, capture_output=True, text=True, timeout=60
+    )
+    expected = "python -m pytest -n 2 --dist worksteal tests/physics -k two words\n"
+    assert done.stdout == expected
+    assert done.returncode == {"": 0, "python": 3}.get(bad, 1)
+    is_check = bad not in ("", "python")
+    assert (f"\n{bad} " in f"\n{done.stderr}") == is_check
 
 
 def test_scripts_keep_their_line_ends_where_git_writes_others(tmp_path):

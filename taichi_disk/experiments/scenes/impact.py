@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_disk.base.errors import InputError
-from taichi_disk.experiments.computation.contact import CONTACT_LEVEL, contact_interval
+from taichi_disk.experiments.computation.contact import CONTACT_LEVEL, Contact
 from taichi_disk.experiments.computation.scenario import (
     Array,
     Scenario,
@@ -366,10 +366,10 @@ class ImpactScenario(Scenario):
         return float(np.sqrt(self.reference_energy / self.kinetic))
 
     def result(self, columns: Columns) -> dict[str, float]:
-        start, end = contact_interval(columns)
+        contact = Contact(columns)
         found = {
             "restitution": self._speed_after(columns) / self.speed_before,
-            "contact_time": end - start,
+            "contact_time": contact.end - contact.start,
         }
         if self.scene.is_oblique:
             inertia = self.shape.inertia
@@ -399,7 +399,7 @@ class ImpactScenario(Scenario):
             before = np.hypot(before, along[0])
             after = np.hypot(after, along[-1])
             direction = ", to the right" if along[-1] > 0.0 else ", to the left"
-        text = f"It comes back with {after / before:.3f} of its speed{direction}"
+        text = f"It comes back at {after / before:.3f} of its speed{direction}"
         energies = split(columns, self.shape.inertia)
         whole = energies["kinetic"][0]
         shares = {}

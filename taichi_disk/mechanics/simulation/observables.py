@@ -11,14 +11,6 @@ if TYPE_CHECKING:  # the process that draws curves needs no lattice
 
 # the time series: one array (rows,) per column
 Columns: TypeAlias = "dict[str, Array]"
-# velocity and flight; contrast to white at least 4.5, like all colours of COLUMNS
-VELOCITY = "#00806A"
-# Okabe and Ito's colours, which colour-blind readers can tell apart.
-BLUE = "#0072B2"
-RED = "#D55E00"
-GREEN = "#009E73"
-PINK = "#CC79A7"
-ORANGE = "#E69F00"
 
 
 class Column(NamedTuple):
@@ -31,8 +23,7 @@ class Column(NamedTuple):
     # of the kinetic energy; "derived" from other columns. Kernels measure the first
     # three kinds.
     kind: str
-    label: str = ""  # of its curve among the energies of a plot; "": no curve
-    colour: str = ""
+    label: str = ""  # name among the energies; "": not shown
     # to timeseries.csv: "always", "nonzero" (unless it is 0 throughout) or "never"
     written: str = "always"
 
@@ -79,16 +70,15 @@ COLUMNS = (
     Column(
         "kinetic", "M c²", "kinetic energy of the disk and an elastic wall", "energy"
     ),
-    Column("elastic", "M c²", "energy of the springs", "energy", "elastic", "#C23F00"),
-    Column("wall", "M c²", "potential of the contact", "energy", "wall", "#8F6500"),
-    Column("dissipated", "M c²", "lost in dashpots", "loss", "dashpots", "#1F6FB5"),
+    Column("elastic", "M c²", "energy of the springs", "energy", "elastic"),
+    Column("wall", "M c²", "potential of the contact", "energy", "wall"),
+    Column("dissipated", "M c²", "lost in dashpots", "loss", "dashpots"),
     Column(
         "absorbed",
         "M c²",
         "lost at the boundary of an elastic wall",
         "loss",
         "boundary",
-        "#B0478A",
     ),
     Column("total", "M c²", "sum of all energies and losses", "derived"),
     Column(
@@ -97,7 +87,6 @@ COLUMNS = (
         "potential of the load and other forces",
         "energy",
         "load",
-        "#6F7A00",
         "nonzero",
     ),
     Column(
@@ -106,43 +95,13 @@ COLUMNS = (
         "lost where points pass from one spring of an elastic wall to the next",
         "loss",
         "sliding",
-        "#6B6B6B",
         "nonzero",
     ),
-    Column(
-        "friction",
-        "M c²",
-        "lost in friction",
-        "loss",
-        "friction",
-        "#8C5A2B",
-        "nonzero",
-    ),
+    Column("friction", "M c²", "lost in friction", "loss", "friction", "nonzero"),
     Column("xi", "R", "Newton's method: compression under that load", "derived"),
-    Column(
-        "translation",
-        "M c²",
-        "kinetic energy of the flight",
-        "part",
-        "flight",
-        VELOCITY,
-    ),
-    Column(
-        "rotation",
-        "M c²",
-        "kinetic energy of the rotation",
-        "part",
-        "rotation",
-        "#882255",
-    ),
-    Column(
-        "vibration",
-        "M c²",
-        "the rest of the kinetic energy",
-        "part",
-        "vibration",
-        "#8E5BC0",
-    ),
+    Column("translation", "M c²", "kinetic energy of the flight", "part", "flight"),
+    Column("rotation", "M c²", "kinetic energy of the rotation", "part", "rotation"),
+    Column("vibration", "M c²", "the rest of the kinetic energy", "part", "vibration"),
 )
 BY_NAME = {column.name: column for column in COLUMNS}
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from taichi_disk.pictures.panel import ON_DARK, PanelScene, factored
+from taichi_disk.pictures.panel import PanelScene, factored
 from taichi_disk.pictures.plot import axis_labels, curves
 from taichi_disk.pictures.render.letters import Letters
 from taichi_disk.pictures.render.moments import Run, curve_span
@@ -26,15 +26,16 @@ def panel_scene(run: Run, letters: Letters) -> PanelScene:
     shown = []
     labels = []
     for panel, label in enumerate(axis_labels(run.scenario.words)):
-        group = [one for one in curves(run.scenario, columns) if one.panel == panel]
+        group = [
+            one for one in curves(run.scenario, columns) if one.look.panel == panel
+        ]
         largest = max(float(np.abs(one.values).max()) for one in group)
         text, unit = factored(label, largest)
         labels.append(text)
         for one in group:
             # before t = 0 a curve is constant
             values = np.interp(times, columns["t"], one.values / unit)
-            colour = ON_DARK[one.colour] if theme == "dark" else one.colour
-            shown.append(replace(one, values=values.astype(np.float32), colour=colour))
+            shown.append(replace(one, values=values.astype(np.float32)))
     return PanelScene(
         t=times,
         curves=shown,
@@ -42,5 +43,6 @@ def panel_scene(run: Run, letters: Letters) -> PanelScene:
         time_label=run.scenario.words.time,
         size=size,
         letter=letters.size(_LETTER),
+        ground=int(theme == "dark"),
         colours=vars(THEMES[theme]) | {"coming": _COMING[theme]},
     )

@@ -58,7 +58,7 @@ def draw_state(
         raise InputError(
             f"ax: must be axes of Matplotlib, as plt.subplots() returns, not {ax!r:.60}"
         )
-    moment = time_of(t, run.series)
+    moment = time_of(t, run)
     states = Recording(Flight.of(run, 0.0), [moment], [video.colour])
     style = STYLE
     if ax is not None:

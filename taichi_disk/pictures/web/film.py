@@ -23,7 +23,6 @@ from taichi_disk.base.signals import raise_if_interrupted
 from taichi_disk.experiments.config.sections import VideoSection
 from taichi_disk.mechanics.fields import QUANTITIES, Triangles
 from taichi_disk.mechanics.lattice import Array
-from taichi_disk.pictures.panel import ON_DARK
 from taichi_disk.pictures.plot import axis_labels, curves
 from taichi_disk.pictures.render.film import FEWEST_PICTURES, film_origin, storyboard
 from taichi_disk.pictures.render.moments import (
@@ -192,7 +191,7 @@ def _marks(run: Run, times: Sequence[float]) -> list[list[Any]]:
     stands for."""
     marks = []
     for moment in ("contact", "greatest"):
-        t = time_of(moment, run.series)
+        t = time_of(moment, run)
         if times[0] < t < times[-1]:
             marks.append([int(np.searchsorted(times, t)), MOMENTS[moment]])
     return marks
@@ -208,10 +207,10 @@ def _curves(states: Sequence[Recording]) -> list[dict[str, Any]]:
             values = np.interp(one.times, columns["t"], curve.values)
             found.append(
                 {
-                    "panel": curve.panel,
+                    "panel": curve.look.panel,
                     "run": number,
                     "name": curve.name,
-                    "colours": [curve.colour, ON_DARK[curve.colour]],
+                    "colours": curve.look.colours,
                     "values": [float(f"{value:.4g}") for value in values],
                 }
             )

@@ -1,6 +1,17 @@
 // Throws a disk at a rigid wall, in double precision. Start, step, rows, end and results are those of
 // `taichi-disk run` with velocity_verlet: see impact.py, stability.py, step_control.py, stepping.py.
 
+const NEGLIGIBLE_FORCE = Math.exp(-45); // of the wall on a point [Mc²/R]
+const MODULUS = 1.2; // Young's modulus over k_a, for the estimate of a force
+const ROUGHNESS = 1.2; // force on a point over that of a smooth rim
+const CONTACT_LEVEL = 0.01; // of the largest force, above which contact lasts
+const LIMIT_MARGIN = 0.95; // of the stable step with the measured force
+const FORCE_SAFETY = 1.5;
+const MAX_CLOSING = 2e-5; // energy imbalance at the end, and ever, over the flight's energy
+const MAX_WORST = 1e-4;
+const MAX_ATTEMPTS = 8;
+const LONGEST_ROW = 0.05; // time between rows [R/c, for k_a = 1]
+const PART_TO_WAIT = 0.5; // of the time that a disk needs to leave
 const USUAL_E = 0.8; // for the estimate of a time, as is this:
 const TIME_OF_CONTACT = 8; // [R/c]
 
@@ -14,7 +25,7 @@ export function* throwing(disk, v, etaStar) {
     const end = (one.gap / v) * (1 + 1 / USUAL_E) + TIME_OF_CONTACT;
     yield* one.advance(() => one.end, end + Math.min(disk.top / (USUAL_E * v), end));
     choice = one.shorterStep();
-    if (choice && attempt < disk.rules.maxAttempts) continue;
+    if (choice && attempt < MAX_ATTEMPTS) continue;
     const { com_vy, lowest, t } = one.rows.at(-1);
     const until = t + Math.min((disk.top - lowest) / com_vy, t); // as long again at most
     yield* one.advance(() => one.rows.at(-1).t >= until, until);
@@ -23,13 +34,13 @@ export function* throwing(disk, v, etaStar) {
 }
 
 // Return the largest force of the wall on one point, as stability.impact_point_force estimates it.
-function estimatedForce({ k_a, a, chord, heaviest, rules }, v) {
-  const modulus = Math.PI * rules.modulus * k_a;
+function estimatedForce({ k_a, a, chord, heaviest }, v) {
+  const modulus = Math.PI * MODULUS * k_a;
   let depth = v;
   for (let k = 0; k < 50; k++)
     depth = Math.min(v * Math.sqrt(Math.log(4 / Math.min(depth, 1)) / modulus), 1);
   const force = (modulus * depth) / Math.log(4 / depth);
-  const peak = (rules.roughness * force) / Math.sqrt(2 * Math.PI * (force / modulus + 1 / a));
+  const peak = (ROUGHNESS * force) / Math.sqrt(2 * Math.PI * (force / modulus + 1 / a));
   return Math.max(Math.min(force, peak * chord), 0.5 * a * heaviest * v ** 2);
 }
 
@@ -44,7 +55,7 @@ class Throw {
   states = []; // rows with positions and velocities, for pictures
 
   constructor(disk, speed, etaStar, choice) {
-    const { positions, masses, springs, a, k_a, rest, rules } = disk;
+    const { positions, masses, springs, a, k_a, rest } = disk;
     Object.assign(this, { disk, speed, etaStar, choice, rest, eta: etaStar / masses.length });
     // The wall's potential over the kinetic energy is that of the disk's own throw.
     this.gap = disk.gap + (2 / a) * Math.log(disk.velocity / speed);
@@ -54,11 +65,11 @@ class Throw {
     this.f = new Float64Array(positions.length);
     this.inverse = positions.map((_, i) => 1 / masses[i >> 1]);
     this.ends = springs.map((i) => 2 * i);
-    this.reach = Math.max(0, Math.log((a * disk.V0) / rules.negligibleForce) / a);
+    this.reach = Math.max(0, Math.log((a * disk.V0) / NEGLIGIBLE_FORCE) / a);
     this.dt = choice.safety * this.stableStep(choice.force);
-    const longest = rules.longestRow / Math.sqrt(k_a);
-    const halvings = Math.ceil(Math.log2((longest * a * speed) / rules.decayTimesPerRow) - 1e-9);
-    const automatic = longest * 0.5 ** Math.min(Math.max(halvings, 0), rules.maxHalvings);
+    const longest = LONGEST_ROW / Math.sqrt(k_a);
+    const halvings = Math.ceil(Math.log2((longest * a * speed) / 0.3) - 1e-9);
+    const automatic = longest * 0.5 ** Math.min(Math.max(halvings, 0), 8);
     const interval = Math.min(disk.interval === "auto" ? automatic : disk.interval, automatic);
     this.stride = Math.max(1, Math.round(interval / this.dt));
     // Rows for pictures are no closer than a slow throw's.
@@ -167,7 +178,7 @@ class Throw {
     const isPicture = rows.length % this.thinning === 0;
     if (isPicture) this.states.push({ ...row, x: new Float32Array(x), v: now });
     rows.push(row);
-    this.isLost = !(Math.abs(row.total - rows[0].total) < disk.rules.blowUp * rows[0].total);
+    this.isLost = !(Math.abs(row.total - rows[0].total) < 0.1 * rows[0].total);
     if (this.isLost) {
       this.end = rows.length - 1;
       this.peakForce = rows.at(-2).peakForce; // of the last good row
@@ -185,19 +196,18 @@ class Throw {
     const bottom = isFast ? Math.min(lowest, com_y - disk.radius) : lowest;
     const remaining = Math.max(gap + Math.min(amplitude, 2 * disk.radius) - bottom, 0) / com_vy;
     if (!remaining) this.end = this.rows.length - 1;
-    this.wait = Math.max(1, Math.floor((disk.rules.partToWait * remaining) / (this.stride * this.dt)));
+    this.wait = Math.max(1, Math.floor((PART_TO_WAIT * remaining) / (this.stride * this.dt)));
   }
 
   // Return how to choose a shorter step if this one was too long, or null.
   shorterStep() {
     const { dt, choice, peakForce, disk, rows, speed } = this;
-    const { limitMargin, forceSafety, maxClosing, maxWorst } = disk.rules;
-    const isTooLong = dt > Math.max(limitMargin, disk.safety) * this.stableStep(peakForce);
-    if (isTooLong) return { ...choice, force: forceSafety * peakForce };
+    const isTooLong = dt > Math.max(LIMIT_MARGIN, disk.safety) * this.stableStep(peakForce);
+    if (isTooLong) return { ...choice, force: FORCE_SAFETY * peakForce };
     const shorter = (part) => (part * dt) / this.stableStep(choice.force);
     if (this.isLost) return { ...choice, safety: shorter(0.5) };
     const gained = rows.map(({ total }) => Math.abs(total - rows[0].total) / (0.5 * speed ** 2));
-    const excess = Math.max(gained.at(-1) / maxClosing, Math.max(...gained) / maxWorst);
+    const excess = Math.max(gained.at(-1) / MAX_CLOSING, Math.max(...gained) / MAX_WORST);
     if (excess <= 1 || excess > 0.5 * choice.excess) return null;
     return { ...choice, excess, safety: shorter(Math.max(0.25, 0.9 / Math.sqrt(excess))) };
   }
@@ -211,8 +221,8 @@ class Throw {
 
   // Return the beginning of the contact, the greatest compression, and the end [R/c].
   get moments() {
-    const { rows, disk } = this;
-    const level = disk.rules.contactLevel * rows.reduce((most, one) => Math.max(most, one.wall_force), 0);
+    const { rows } = this;
+    const level = CONTACT_LEVEL * rows.reduce((most, one) => Math.max(most, one.wall_force), 0);
     const height = ({ wall_force }) => Math.log(Math.max(wall_force, 1e-300) / level);
     const crossing = (one, next) =>
       one.t + ((next.t - one.t) * height(one)) / (height(one) - height(next));

@@ -7,25 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.experiments.computation import (
-    diagnostics,
-    driver,
-    stability,
-    step_control,
-)
-from taichi_disk.experiments.computation.contact import CONTACT_LEVEL, contact_interval
 from taichi_disk.experiments.computation.stability import explicit_limit
 from taichi_disk.experiments.config.sections import SLIDERS, VideoSection
-from taichi_disk.experiments.scenes import impact
 from taichi_disk.experiments.scenes.scene import yaml_scalar
 from taichi_disk.mechanics.lattice.network import laplacian, largest_eigenvalue
-from taichi_disk.mechanics.physics.body_forces import NEGLIGIBLE_FORCE
-from taichi_disk.mechanics.simulation.observables import BY_NAME
 from taichi_disk.pictures import plot
-from taichi_disk.pictures.panel import ON_DARK
-from taichi_disk.pictures.plot import INK, LINE
+from taichi_disk.pictures.curves import LOOKS, Look
 from taichi_disk.pictures.render import geometry, moments, palette, recording
-from taichi_disk.pictures.render.moments import time_of
 from taichi_disk.pictures.render.recording import Flight
 from taichi_disk.pictures.web.drawing import encoded
 
@@ -33,30 +21,20 @@ from taichi_disk.pictures.web.drawing import encoded
 # springs times steps: some 1.5 s.
 _MOST_POINTS = 4_000
 _MOST_WORK = 1e8
-# columns of the curves over time, in three panels
-_PANELS = (
-    ("com_vy",),
-    ("wall_force",),
-    ("translation", "rotation", "vibration", "elastic", "wall", "dissipated"),
+# columns of the curves over time
+_COLUMNS = (
+    "com_vy",
+    "wall_force",
+    "translation",
+    "rotation",
+    "vibration",
+    "elastic",
+    "wall",
+    "dissipated",
 )
 
-# numbers by which a run chooses its steps and its end, and a film what it shows; a page
-# needs them for its own throws, too
+# numbers by which a film chooses what it shows, and a page for its own throws, too
 _RULES = {
-    "modulus": stability.MODULUS,
-    "roughness": stability.ROUGHNESS,
-    "limitMargin": step_control.LIMIT_MARGIN,
-    "forceSafety": step_control.FORCE_SAFETY,
-    "maxAttempts": step_control.MAX_ATTEMPTS,
-    "maxClosing": diagnostics.MAX_CLOSING,
-    "maxWorst": diagnostics.MAX_WORST,
-    "blowUp": diagnostics.BLOW_UP,
-    "longestRow": impact.MAX_INTERVAL,
-    "decayTimesPerRow": impact.DECAY_TIMES_PER_ROW,
-    "maxHalvings": impact.MAX_HALVINGS,
-    "partToWait": driver.PART_TO_WAIT,
-    "contactLevel": CONTACT_LEVEL,
-    "negligibleForce": NEGLIGIBLE_FORCE,
     "fullColour": palette.FULL_COLOUR / 100.0,
     "roundNumbers": palette.STEPS,
     "scaleStates": recording.SCALE_TIMES,
@@ -121,7 +99,7 @@ def thrown_disk(flight: Flight, video: VideoSection) -> dict[str, Any] | None:
     steps = run.series["t"][-1] / explicit_limit(omega, eta * damping)
     if len(masses) > _MOST_POINTS or steps * len(lattice.bonds) > _MOST_WORK:
         return None
-    first, second = contact_interval(run.series)
+    contact = run.contact
     goal = 0.0
     if video.goal != "none":
         goal = video.goal
@@ -141,8 +119,8 @@ def thrown_disk(flight: Flight, video: VideoSection) -> dict[str, Any] | None:
             "omega": omega,
             "damping": damping,
             "top": scenario.gap - flight.start * scenario.velocity,
-            "moments": [first, time_of("greatest", run.series), second],
-            "curves": _curves(),
+            "moments": [contact.start, contact.greatest, contact.end],
+            "curves": [_curve(LOOKS[column]) for column in _COLUMNS],
             "rules": _RULES,
             "numbers": scenario.numbers(),
             "sliders": SLIDERS,
@@ -151,12 +129,6 @@ def thrown_disk(flight: Flight, video: VideoSection) -> dict[str, Any] | None:
     )
 
 
-def _curves() -> list[list[Any]]:
-    """Return panel, column, name and colours of a throw's curves."""
-    found = []
-    for panel, columns in enumerate(_PANELS):
-        for column in columns:
-            kind = BY_NAME[column]
-            colour = kind.colour or (LINE, INK)[panel]
-            found.append([panel, column, kind.label, [colour, ON_DARK[colour]]])
-    return found
+def _curve(look: Look) -> list[Any]:
+    """Return panel, column, name and colours of a throw's curve."""
+    return [look.panel, look.column, look.name, look.colours]

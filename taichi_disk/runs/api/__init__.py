@@ -24,7 +24,6 @@ from taichi_disk.base.errors import (
 )
 from taichi_disk.base.progress import Progress, reported, silent
 from taichi_disk.base.signals import raise_if_interrupted
-from taichi_disk.experiments.computation.contact import greatest_compression
 from taichi_disk.experiments.computation.driver import State as State
 from taichi_disk.experiments.computation.outcome import Outcome
 from taichi_disk.experiments.config.tree import Source, as_path
@@ -199,7 +198,7 @@ class Result(Outcome):
     def greatest_compression(self) -> State:
         """State of the greatest compression, or the end of a loading; computed again at
         each access."""
-        return self.state(greatest_compression(self.series))
+        return self.state(self.contact.greatest)
 
     def field(self, name: str, t: float | str = "greatest", at: str = "own") -> Field:
         """Return the quantity `name` at the moment `t`, as for `film`; see
@@ -219,7 +218,7 @@ class Result(Outcome):
                 'at: must be "own" (values on triangles or springs) or "points", not'
                 f" {at!r}"
             )
-        _, x, v = self.state(time_of(t, self.series))
+        _, x, v = self.state(time_of(t, self))
         return field(name, self.lattice, self.scenario.model.springs, x, v, at)
 
     def modes(self, count: int = 40) -> Modes:
@@ -308,7 +307,7 @@ class Result(Outcome):
         from taichi_disk.pictures.plot import plot_scene, run_figure
 
         quoted = headline(self.summary, self.scenario.words.labels)
-        return registered(run_figure(plot_scene(self.scenario, self.series, quoted)))
+        return registered(run_figure(plot_scene(self.scenario, self.series), quoted))
 
     @runtime.alone()
     def draw(
@@ -501,7 +500,7 @@ class Result(Outcome):
                 f" {path} again"
             )
         # The step of the run is accepted, even if it is beyond the stability limit.
-        outcome = work.solve(work.build(), 1, force=True, estimate=estimate)
+        outcome = work.solve(work.build(), lattices=1, force=True, estimate=estimate)
         name, value = outcome.scenario.primary(outcome.series)
         stored = summary.get(name, value)
         if stored != value:
@@ -579,7 +578,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
     # reads the files of a lattice and velocities only once, because they may change
     work = Work(scene, lattice, velocities, progress, started)
     own = work.own
-    options = {"lattices": lattices, "force": force}
+    options: dict[str, Any] = {"lattices": lattices, "force": force}
     if out is None:
         if export:
             raise InputError("export: needs a folder, `out`")
@@ -601,7 +600,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
             with work.failing_into(folder.path):
                 scenario = work.build(threads)
                 work.write_start(folder.path, scenario)
-                outcome = work.solve(scenario, **options)
+                outcome = work.solve(scenario, artist, **options)
                 work.write(folder, outcome)
             folder.appear()
             # without room for anything there is no folder

@@ -23,7 +23,7 @@ from taichi_disk.experiments.computation.outcome import compute
 from taichi_disk.experiments.scenes import Scene
 from taichi_disk.experiments.scenes.setup import outcome_of
 from taichi_disk.mechanics.integrators import INTEGRATORS
-from taichi_disk.mechanics.simulation.observables import BLUE, GREEN, ORANGE, PINK, RED
+from taichi_disk.pictures.curves import OKABE_ITO
 from taichi_disk.pictures.plot import matplotlib_style
 from taichi_disk.runs.api.lattices import compare_lattices
 from taichi_disk.runs.output.run_folder import refuse_run
@@ -38,7 +38,7 @@ HARDER = f"wall {HARDER_WALL:g} times as hard"
 # in lattice scatters: a larger difference is an effect of the number of points
 SIGNIFICANCE = 2.0
 # colours of the integrators
-COLOURS = dict(zip(INTEGRATORS, (BLUE, RED, GREEN, ORANGE, PINK), strict=False))
+COLOURS = dict(zip(INTEGRATORS, OKABE_ITO, strict=False))
 TABLE_WIDTH = 120  # width of a printed table without a terminal
 
 

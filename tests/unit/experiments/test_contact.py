@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taichi_disk.experiments.computation.contact import contact_interval, results_time
+from taichi_disk.experiments.computation.contact import Contact
 
 T = np.linspace(0.0, 10.0, 101)
 # two contacts, from 2 to 3 and from 4 to 5
@@ -24,31 +24,33 @@ def test_a_contact_lasts_while_the_force_exceeds_a_hundredth_of_its_peak():
     tau = 1.7
     t0 = t[500]
     force = 3.0 * np.exp(-np.abs(t - t0) / tau)
-    found = contact_interval({"t": t, "wall_force": force})
-    assert found == pytest.approx(
+    contact = Contact({"t": t, "wall_force": force})
+    assert (contact.start, contact.end) == pytest.approx(
         (t0 - tau * np.log(100.0), t0 + tau * np.log(100.0)), abs=1e-9
     )
     # For two contacts, the time from the first to the last.
     force = np.exp(-((t - 8.0) ** 2)) + 0.5 * np.exp(-((t - 20.0) ** 2))
-    found = contact_interval({"t": t, "wall_force": force})
-    assert found == pytest.approx(
+    contact = Contact({"t": t, "wall_force": force})
+    assert (contact.start, contact.end) == pytest.approx(
         (8.0 - np.sqrt(np.log(100.0)), 20.0 + np.sqrt(np.log(50.0))), abs=1e-3
     )
     # A contact without any row lies between the rows before and after it.
     t = np.arange(5.0)
     v = np.array([-1.0, -1.0, -1.0, 0.9, 0.9])
     without = {"t": t, "wall_force": np.zeros(5), "com_vy": v}
-    assert contact_interval(without) == (2.0, 3.0)
+    contact = Contact(without)
+    assert (contact.start, contact.end) == (2.0, 3.0)
 
 
 def test_results_are_measured_after_the_last_contact_if_there_are_losses_else_last():
     for loss in ("dissipated", "absorbed"):
-        assert results_time(columns(**{loss: 1e-3})) == pytest.approx(5.0, abs=0.1)
-    assert results_time(columns()) == 10.0
+        lossy = Contact(columns(**{loss: 1e-3}))
+        assert lossy.results_time == pytest.approx(5.0, abs=0.1)
+    assert Contact(columns()).results_time == 10.0
 
 
 def test_a_contact_may_begin_with_the_second_row():
     # the logarithm of the force is straight between two rows
     force = np.array([1e-4, 1.0, 1.0, 1e-4, 0.0])
-    found = contact_interval({"t": np.arange(5.0), "wall_force": force})
-    assert found == pytest.approx((0.5, 2.5))
+    contact = Contact({"t": np.arange(5.0), "wall_force": force})
+    assert (contact.start, contact.end) == pytest.approx((0.5, 2.5))

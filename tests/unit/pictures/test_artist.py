@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from taichi_disk.base.errors import SimulationError
+from taichi_disk.base.processes.early import draw_early, picture_of
 from taichi_disk.base.processes.pool import Pool
 from taichi_disk.base.signals import deferred_interrupts
 from taichi_disk.pictures.render.artist import Artist, shared_array
@@ -42,6 +43,15 @@ def test_another_process_sees_what_is_written_into_an_array_that_it_has(artist):
         array[1] = value
         assert (artist.begin(np.array, array)() == array).all()
     assert array.sum() == 800
+
+
+def test_a_picture_that_was_drawn_early_is_used_once(artist):
+    artist.begin(draw_early, math.sqrt, 4.0)
+    artist.begin(draw_early, math.sqrt, -4.0)  # its error hides nothing
+    roots = [artist.begin(picture_of, math.sqrt, 9.0)() for _ in range(2)]
+    assert roots == [2.0, 3.0]
+    Artist().begin(draw_early, math.sqrt, 4.0)
+    assert picture_of(math.sqrt, 9.0) == 3.0
 
 
 @pytest.mark.parametrize("has_process", [True, False])

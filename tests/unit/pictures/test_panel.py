@@ -6,27 +6,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from taichi_disk.pictures.curves import FORCE, LOOKS, MOTION
 from taichi_disk.pictures.panel import PanelScene, draw_panel
 from taichi_disk.pictures.plot import TimeCurve
 from taichi_disk.pictures.render.finisher import draw_curves
 from taichi_disk.pictures.render.palette import THEMES
 
 NAMES = ("flight", "vibration", "elastic", "wall", "dashpots", "boundary", "friction")
-COLOURS = ("#00806A", "#1A1A1E", "#C23F00", "#8F6500", "#1F6FB5", "#8E5BC0", "#882255")
+LOOK = LOOKS["elastic"]
 
 
 def scene(energies=1, letter=20.0, size=(560, 720)):
     t = np.linspace(0.0, 1.0, 2 * size[0])
     curves = [
-        TimeCurve(0, 2.0 * t - 1.0, "", COLOURS[0]),
-        TimeCurve(1, 1.0 - t, "", COLOURS[1]),
+        TimeCurve(MOTION, 2.0 * t - 1.0),
+        TimeCurve(FORCE, 1.0 - t),
     ]
     for k in range(energies):
         values = t ** (k + 1)
-        curves.append(TimeCurve(2, values, NAMES[k], COLOURS[k], "-"))
+        curves.append(TimeCurve(LOOK, values, NAMES[k]))
     labels = ["velocity of the centre  [v]", "wall force  [Mc²/R]", "energy  [Mc²]"]
     colours = vars(THEMES["light"]) | {"coming": "#B8B8B7"}
-    return PanelScene(t, curves, labels, "time  [R/c]", size, letter, colours)
+    return PanelScene(t, curves, labels, "time  [R/c]", size, letter, 0, colours)
 
 
 def test_a_curve_is_at_the_row_of_its_value_grey_before_and_coloured_after():
@@ -34,7 +35,7 @@ def test_a_curve_is_at_the_row_of_its_value_grey_before_and_coloured_after():
     pictures = draw_panel(shown)
     for curve, box in zip(shown.curves, pictures.boxes, strict=True):
         left, right, top, bottom = box
-        ink = np.array([*bytes.fromhex(curve.colour[1:])])
+        ink = np.array([*bytes.fromhex(curve.look.colours[0][1:])])
         low = curve.values.min()
         # Matplotlib's margin above and below the values
         margin = 0.07 * np.ptp(curve.values)
