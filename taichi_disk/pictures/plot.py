@@ -10,6 +10,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_disk.base.files import atomic_write
+from taichi_disk.base.processes.early import picture_of
 from taichi_disk.experiments.computation.contact import Contact
 from taichi_disk.experiments.computation.words import Words
 from taichi_disk.experiments.scenes.scene import origin
@@ -151,7 +153,6 @@ class PlotScene:
         quality: (rows,) accuracy of the run.
         laws: continuum laws for the compression, (rows,) [R], by name.
         static: whether the rows are equilibria of a loading.
-        headline: the result to quote, or "".
         origin: metadata of the file.
     """
 
@@ -163,12 +164,11 @@ class PlotScene:
     quality: Array
     laws: dict[str, Array]
     static: bool
-    headline: str
     origin: str
 
 
-def plot_scene(scenario: Scenario, columns: Columns, headline: str = "") -> PlotScene:
-    """Return what the plot of a run shows, under a headline."""
+def plot_scene(scenario: Scenario, columns: Columns) -> PlotScene:
+    """Return what the plot of a run shows."""
     return PlotScene(
         words=scenario.words,
         numbers=scenario.result(columns),
@@ -178,50 +178,58 @@ def plot_scene(scenario: Scenario, columns: Columns, headline: str = "") -> Plot
         quality=scenario.quality(columns),
         laws=scenario.continuum(columns),
         static=scenario.static,
-        headline=headline,
         origin=origin(scenario.stored_scene),
     )
 
 
-def plot_run(path: Path, scene: PlotScene) -> None:
+def plot_run(path: Path, scene: PlotScene, headline: str = "") -> None:
     """Draw the time series of a run into a bitwise reproducible PNG. Raises
     SimulationError if the file cannot be written."""
+    from matplotlib.image import imsave
+
+    figure: Any = run_figure(scene, headline)
+    metadata: Any = {"Software": None, "Description": scene.origin}
+    write = partial(
+        imsave,
+        arr=figure.canvas.buffer_rgba(),
+        dpi=figure.dpi,
+        metadata=metadata,
+        pil_kwargs={"compress_level": 3},
+    )
+    atomic_write(path, write)
+
+
+def run_figure(scene: PlotScene, headline: str) -> Plot:
+    """Return the plot of a run under the result to quote."""
+    figure = picture_of(draw_plot, scene)
+    parameters = "    ".join(scene.words.title[1:])
+    title = f"{fill(parameters, 95)}\n{fill(headline, 95)}"
     with matplotlib_style(STYLE):
-        figure = _drawn(scene)
-        metadata = {"Software": None, "Description": scene.origin}
-        atomic_write(
-            path,
-            lambda new: figure.savefig(
-                new, metadata=metadata, pil_kwargs={"compress_level": 3}
-            ),
+        # a figure draws its title last in any case
+        figure.draw_artist(
+            figure.suptitle(title.strip(), y=0.99, fontsize=9.5, fontweight="bold")
         )
-
-
-def run_figure(scene: PlotScene) -> Plot:
-    with matplotlib_style(STYLE):
-        figure = _drawn(scene)
-        figure.draw_without_rendering()  # fixes the style of ticks and grid
     return figure
 
 
-def _drawn(scene: PlotScene) -> Plot:
+def draw_plot(scene: PlotScene) -> Plot:
+    """Return the plot of a run without the title, which needs all lattices."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     from taichi_disk.pictures.inline import Plot
 
-    figure = Plot(figsize=(7.6, 9.2), dpi=120)
-    FigureCanvasAgg(figure)
-    parameters = "    ".join(scene.words.title[1:])
-    title = f"{fill(parameters, 95)}\n{fill(scene.headline, 95)}"
-    figure.suptitle(title.strip(), y=0.99, fontsize=9.5, fontweight="bold")
-    if scene.static:
-        _draw_loading(figure, scene)
-    else:
-        _draw_run(figure, scene)
-    for ax in figure.axes:
-        ax.yaxis.set_label_coords(-0.11, 0.5)
-        if ax.get_yscale() == "linear":
-            ax.yaxis.set_major_formatter(powers())
+    with matplotlib_style(STYLE):
+        figure = Plot(figsize=(7.6, 9.2), dpi=120)
+        canvas = FigureCanvasAgg(figure)
+        if scene.static:
+            _draw_loading(figure, scene)
+        else:
+            _draw_run(figure, scene)
+        for ax in figure.axes:
+            ax.yaxis.set_label_coords(-0.11, 0.5)
+            if ax.get_yscale() == "linear":
+                ax.yaxis.set_major_formatter(powers())
+        canvas.draw()  # also fixes the style of ticks and grid
     return figure
 
 

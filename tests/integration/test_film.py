@@ -22,12 +22,16 @@ from programs import durations_of, film_problem, packed, printed_by, python
 from taichi_disk import load_scene
 from taichi_disk.base import engine, runtime
 from taichi_disk.base.errors import InputError, SimulationError, TaichiDiskError
+from taichi_disk.base.processes.early import draw_early
 from taichi_disk.base.progress import silent
 from taichi_disk.experiments.computation.outcome import compute
 from taichi_disk.mechanics.fields import Triangles, at_points
-from taichi_disk.pictures.render import shaders
+from taichi_disk.pictures.panel import draw_panel
+from taichi_disk.pictures.plot import draw_plot, plot_run
+from taichi_disk.pictures.render import finisher, shaders
 from taichi_disk.pictures.render.artist import Artist, drawing_process
 from taichi_disk.pictures.render.film import draw_film, storyboard
+from taichi_disk.pictures.render.letters import Letters
 from taichi_disk.pictures.render.moments import (
     Caption,
     Span,
@@ -37,6 +41,7 @@ from taichi_disk.pictures.render.moments import (
     titles,
 )
 from taichi_disk.pictures.render.palette import THEMES
+from taichi_disk.pictures.render.panel import panel_scene
 from taichi_disk.pictures.web.film import write_page
 from taichi_disk.runs import api
 
@@ -451,6 +456,38 @@ def test_a_full_file_system_is_reported_and_leaves_no_film(run, tmp_path, suffix
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
     assert not list(tmp_path.iterdir())
+
+
+@needs_vulkan
+def test_curves_are_begun_before_what_they_need_last(run, tmp_path, monkeypatch):
+    events = []
+    begin = Artist.begin
+
+    def note(artist, draw, *arguments):
+        events.append(arguments[0] if draw is draw_early else draw)
+        return begin(artist, draw, *arguments)
+
+    monkeypatch.setattr(Artist, "begin", note)
+    scene = load_scene("exponential_wall", ["lattice.points=20", "video.size=360"])
+    options = {"lattices": 2, "progress": lambda stage, *_: events.append(stage)}
+    api.run(scene, tmp_path / "o", **options)
+    order = [
+        "simulate",
+        "estimate",
+        draw_plot,
+        "lattices",
+        plot_run,
+        draw_panel,
+        "render",
+    ]
+    assert list(dict.fromkeys(events)) == order
+    drawn = draw_panel(panel_scene(run, Letters(360, 1.0, "light")))
+    monkeypatch.setattr(
+        finisher, "picture_of", lambda draw, _: {draw_panel: drawn}[draw]
+    )
+    monkeypatch.setattr(finisher, "draw_curves", lambda _, *what: events.append(what))
+    film(tmp_path / "film.mp4", [run], size=360, panel="true")
+    assert events[-1][0] is drawn
 
 
 @needs_vulkan

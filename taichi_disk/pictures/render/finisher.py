@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from taichi_disk.base.processes.early import picture_of
 from taichi_disk.pictures.panel import PanelPictures, PanelScene, Picture, draw_panel
 from taichi_disk.pictures.render.letters import Line
 from taichi_disk.pictures.render.marks import Mark, stamp
@@ -63,7 +64,7 @@ class Finisher:
         self._still = self.still.view(np.uint32)[..., 0]
         self._image, self._draw = canvas(self._picture)
         if self.panel:
-            self._curves = draw_panel(self.panel)
+            self._curves = picture_of(draw_panel, self.panel)
         self._file = ExitStack()
         film = video(path, form, (width, height), fps, origin)
         self._append = self._file.enter_context(film)

@@ -242,13 +242,12 @@ def captions(
         result_time = run.contact.end
     result = scenario.words.marks[0].format(**scenario.result(columns))
     _, curves_end = curve_span(run)
+    times = [shot.t for shot in shots]
+    rows = {name: np.interp(times, columns["t"], columns[name]) for name in columns}
     found = []
     after = 0  # number of pictures since the result
-    for shot in shots:
-        row = {
-            name: np.interp(shot.t, columns["t"], each)
-            for name, each in columns.items()
-        }
+    for k, shot in enumerate(shots):
+        row = {name: values[k] for name, values in rows.items()}
         time, *lines = scenario.caption(row | {"t": shot.t})
         note = shot.note
         shown_result = ""

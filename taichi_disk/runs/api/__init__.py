@@ -307,7 +307,7 @@ class Result(Outcome):
         from taichi_disk.pictures.plot import plot_scene, run_figure
 
         quoted = headline(self.summary, self.scenario.words.labels)
-        return registered(run_figure(plot_scene(self.scenario, self.series, quoted)))
+        return registered(run_figure(plot_scene(self.scenario, self.series), quoted))
 
     @runtime.alone()
     def draw(
@@ -447,8 +447,8 @@ class Result(Outcome):
         out = as_path(out, "out")
         own = self.scenario.own
         text = self.scenario.stored_scene.to_yaml()
-        with run_folder(out, text, False, overwrite, lattice=own.digest) as folder:
-            work = Work(self.scene, own.disk, own.velocities)
+        work = Work(self.scene, own.disk, own.velocities)
+        with run_folder(out, text, False, overwrite, work.digest) as folder:
             copy = replace(self, summary=dict(self.summary))
             work.write_start(folder.path, self.scenario)
             work.write(folder, copy)
@@ -500,7 +500,7 @@ class Result(Outcome):
                 f" {path} again"
             )
         # The step of the run is accepted, even if it is beyond the stability limit.
-        outcome = work.solve(work.build(), 1, force=True, estimate=estimate)
+        outcome = work.solve(work.build(), lattices=1, force=True, estimate=estimate)
         name, value = outcome.scenario.primary(outcome.series)
         stored = summary.get(name, value)
         if stored != value:
@@ -578,7 +578,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
     # reads the files of a lattice and velocities only once, because they may change
     work = Work(scene, lattice, velocities, progress, started)
     own = work.own
-    options = {"lattices": lattices, "force": force}
+    options: dict[str, Any] = {"lattices": lattices, "force": force}
     if out is None:
         if export:
             raise InputError("export: needs a folder, `out`")
@@ -591,7 +591,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
         )
     out = as_path(out, "out")
     text = own.repeating(work.scene).to_yaml()
-    with run_folder(out, text, count_on, overwrite, own.digest) as folder:
+    with run_folder(out, text, count_on, overwrite, work.digest) as folder:
         if export:
             from taichi_disk.runs.output.export import check_export
 
@@ -600,7 +600,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
             with work.failing_into(folder.path):
                 scenario = work.build(threads)
                 work.write_start(folder.path, scenario)
-                outcome = work.solve(scenario, **options)
+                outcome = work.solve(scenario, artist, **options)
                 work.write(folder, outcome)
             folder.appear()
             # without room for anything there is no folder

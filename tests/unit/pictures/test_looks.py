@@ -469,7 +469,7 @@ RUNS = {
 @pytest.mark.parametrize("name", RUNS)
 def test_plots(name, record):
     run = invented(*RUNS[name])
-    figure = run_figure(plot_scene(run.scenario, run.series, "e = 0.97 ± 0.01"))
+    figure = run_figure(plot_scene(run.scenario, run.series), "e = 0.97 ± 0.01")
     record(f"plot_{name}", of_figure(figure))
 
 

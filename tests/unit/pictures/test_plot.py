@@ -15,9 +15,15 @@ from bodies import computed
 from PIL import Image
 
 from taichi_disk.base import runtime
+from taichi_disk.base.processes.early import draw_early
 from taichi_disk.mechanics.simulation.simulation import shared_kernels
 from taichi_disk.pictures.inline import Plot
-from taichi_disk.pictures.plot import matplotlib_style, plot_run, plot_scene
+from taichi_disk.pictures.plot import (
+    draw_plot,
+    matplotlib_style,
+    plot_run,
+    plot_scene,
+)
 from taichi_disk.pictures.render.artist import drawing_process
 
 
@@ -43,6 +49,15 @@ def test_an_impact_shows_velocity_force_and_energies_with_the_same_bytes_twice(
     # Nothing is cut off: the outermost pixels are white.
     for edge in (image[0], image[-1], image[:, 0], image[:, -1]):
         assert edge.min() == 255
+
+
+def test_a_plot_that_was_drawn_early_gets_the_same_title(impact, tmp_path, monkeypatch):
+    scene = plot_scene(*impact)
+    plot_run(tmp_path / "a.png", scene, "e = 0.97")
+    draw_early(draw_plot, scene)
+    monkeypatch.setattr("taichi_disk.pictures.plot._draw_run", None)
+    plot_run(tmp_path / "b.png", scene, "e = 0.97")
+    assert filecmp.cmp(tmp_path / "a.png", tmp_path / "b.png", shallow=False)
 
 
 @pytest.mark.validate
