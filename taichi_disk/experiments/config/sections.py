@@ -183,6 +183,10 @@ class LatticeSection(Section):
         "table, .npz file or mesh with custom points instead of random ones; relative"
         " to the scene file",
     )
+    outline: str = key(
+        "none",
+        "drawing (.svg) or table of an outline to fill instead of the circle",
+    )
     velocities: str = key(
         "none",
         ".npz file with initial velocities [c] of the points instead of the scene's",

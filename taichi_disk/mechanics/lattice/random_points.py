@@ -43,8 +43,7 @@ def circle_points(
 ) -> Array:
     """Return the points (points, 2) [R] of `Lattice.disk`. Raises InputError or
     SimulationError as it does."""
-    whole_number(points, "lattice.points", MAX_POINTS, MIN_POINTS)
-    whole_number(seed, "lattice.seed", 2**63, 0)
+    check_counts(points, seed)
     for key, fault in circle_faults(points, hole, core):
         raise InputError(f"lattice.{key}: {fault}")
     spacing = least_distance(points, min_spacing) * math.sqrt(1.0 - hole**2)
@@ -79,6 +78,11 @@ def circle_points(
     rest = points - len(fixed)
     inside = scatter(rng, rest, -corner, corner, depth, spacing, fixed)
     return np.concatenate([fixed, inside])
+
+
+def check_counts(points: int, seed: int) -> None:
+    whole_number(points, "lattice.points", MAX_POINTS, MIN_POINTS)
+    whole_number(seed, "lattice.seed", 2**63, 0)
 
 
 def rim_points(points: int, hole: float = 0.0) -> int:

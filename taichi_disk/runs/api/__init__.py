@@ -447,8 +447,8 @@ class Result(Outcome):
         out = as_path(out, "out")
         own = self.scenario.own
         text = self.scenario.stored_scene.to_yaml()
-        with run_folder(out, text, False, overwrite, lattice=own.digest) as folder:
-            work = Work(self.scene, own.disk, own.velocities)
+        work = Work(self.scene, own.disk, own.velocities)
+        with run_folder(out, text, False, overwrite, work.digest) as folder:
             copy = replace(self, summary=dict(self.summary))
             work.write_start(folder.path, self.scenario)
             work.write(folder, copy)
@@ -591,7 +591,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
         )
     out = as_path(out, "out")
     text = own.repeating(work.scene).to_yaml()
-    with run_folder(out, text, count_on, overwrite, own.digest) as folder:
+    with run_folder(out, text, count_on, overwrite, work.digest) as folder:
         if export:
             from taichi_disk.runs.output.export import check_export
 

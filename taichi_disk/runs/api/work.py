@@ -21,7 +21,12 @@ from taichi_disk.experiments.computation.outcome import Outcome, compute
 from taichi_disk.experiments.computation.scenario import Scenario
 from taichi_disk.experiments.scenes import Scene
 from taichi_disk.experiments.scenes.setup import body_of, spectrum_of
-from taichi_disk.mechanics.lattice import Lattice, own_start
+from taichi_disk.mechanics.lattice import (
+    Lattice,
+    file_digest,
+    outline_name,
+    own_start,
+)
 from taichi_disk.mechanics.simulation.simulation import shared_kernels
 from taichi_disk.pictures.plot import draw_plot, plot_run, plot_scene
 from taichi_disk.pictures.render.artist import Artist
@@ -73,6 +78,11 @@ class Work:
         if self.own.disk is not None:
             return self.own.disk
         return body_of(self.scene)
+
+    @property
+    def digest(self) -> str:
+        """Digest of what the user supplied besides the scene; "" if nothing."""
+        return self.own.digest + file_digest(self.scene.lattice.outline)
 
     def lap(self, stage: str, **within: float) -> None:
         """Add the time since the last lap to `stage`, minus the times `within` it,
@@ -142,8 +152,8 @@ class Work:
             "wall_clock": self.clock,
             **files.provenance(),
         }
-        if own.digest:
-            summary["lattice_digest"] = own.digest
+        if self.digest:
+            summary["lattice_digest"] = self.digest
         has_disk = own.disk is not None and spec.file == "none"
         has_velocities = own.velocities is not None and spec.velocities == "none"
         if has_disk or has_velocities:
@@ -176,6 +186,9 @@ class Work:
 
     def write_start(self, path: Path, scenario: Scenario) -> None:
         lattice = scenario.lattice
+        spec = self.scene.lattice
+        if spec.outline != "none":
+            files.copy(Path(spec.outline), path / outline_name(spec))
         write_lattice(
             path / "lattice.npz",
             lattice,

@@ -25,6 +25,7 @@ from taichi_disk.base.text_files import read_text
 FILMS = ("video.mp4", "video.webm", "video.gif", "video.html", "frames")
 RUN_FILES = re.compile(
     r"scene\.yaml|summary\.json|timeseries\.csv|(lattice|final|failure)\.npz|plot\.png"
+    r"|outline\.\w+"
 )
 # what a process has not finished, or a killed one had not
 UNFINISHED = re.compile(r"\..+-\d+\.new\..+")

@@ -447,7 +447,8 @@ def point_key(scene: Scene) -> str:
     """
     sections = asdict(scene)
     del sections["video"]
-    files = [file_digest(scene.lattice.file), file_digest(scene.lattice.velocities)]
+    spec = scene.lattice
+    files = [file_digest(file) for file in (spec.file, spec.velocities, spec.outline)]
     contents = [relevant_versions(), sections, files]
     text = json.dumps(contents, sort_keys=True, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:20]
