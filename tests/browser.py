@@ -66,7 +66,9 @@ class Browser:
 
     def clear(self) -> None:
         """Make the browser as it was at its start: no page, no errors, no files."""
-        self.script("if (location.protocol === 'http:') sessionStorage.clear()")
+        self.script(
+            "if (/^(http|file):/.test(location.protocol)) sessionStorage.clear()"
+        )
         self.driver.get("about:blank")
         self.resize(SIZE)
         self.emulate()

@@ -375,7 +375,7 @@ class Controls:
         collecting. Raises TaichiDiskError."""
         sandbox = self.sandbox
         if sandbox.remaining_loads:
-            sandbox.collect([])
+            sandbox.stop_collecting()
         else:
             high = RANGES[load_key(sandbox.scene)].high
             loads = np.geomspace(high, high / CURVE_RATIO, CURVE_POINTS)

@@ -35,7 +35,7 @@ from taichi_disk.sandbox.controls import (
     described,
     values_of,
 )
-from taichi_disk.sandbox.graphs import CURVES, Graphs, ScaleMaxima
+from taichi_disk.sandbox.graphs import CURVES, ScaleMaxima, curve_values, graphs
 from taichi_disk.sandbox.sandbox import Sandbox, load_key, printed, value_of
 
 MAX_BYTES = 2**10  # limit of a page's message
@@ -103,7 +103,6 @@ class Session:
         cannot be built."""
         self.sandbox = Sandbox(playlist[0].load(), kernels)
         self.controls = Controls(self.sandbox, playlist)
-        self.graphs = Graphs(self.sandbox)
         self.scales = ScaleMaxima(self.sandbox)
         self.number = 0
         self.news = asyncio.Event()
@@ -196,7 +195,8 @@ class Session:
         self._write("scene", self._scene_key(), self._scene)
         # While the scene is computed again, the old curves stay.
         if self.sandbox.time.lead <= 0.0:
-            self._write("graphs", self._graphs_key(), self.graphs.message)
+            time = self.sandbox.time
+            self._write("graphs", self._graphs_key(), lambda: graphs(time))
         state = self._state()
         panel = self._panel()
         self._write("panel", panel, lambda: panel)
@@ -282,7 +282,8 @@ class Session:
             scales.colour,
             scales.force,
         ]
-        curves = self.graphs.values(state.row[None])[0]
+        inertia = self.sandbox.time.start.body.inertia
+        curves = curve_values(state.segment, state.row[None], inertia)[0]
         parts = [header, state.row, curves, x.ravel(), values, forces.ravel()]
         floats = np.concatenate(parts).astype("<f4")
         return floats.tobytes() + self._caption(t).encode()

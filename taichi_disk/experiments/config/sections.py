@@ -436,6 +436,12 @@ class VideoSection(Section):
     ringing: Literal["auto", "none"] = key(
         "auto", "auto: vibration after an impact on a rigid wall is shown stronger"
     )
+    goal: Literal["none"] | float = key(
+        "none",
+        "task of a page that throws its disk: e that a throw is to have",
+        low=0.01,
+        high=1,
+    )
     text: float = key(1.0, "factor on the size of letters", low=0.5, high=3)
     words: Literal["all", "few"] = key(
         "all", "few: title, pace, motion and result, for slides"

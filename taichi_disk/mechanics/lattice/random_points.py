@@ -108,14 +108,25 @@ def rim_spacing(points: int, hole: float = 0.0) -> float:
 def circle_faults(points: int, hole: float, core: float) -> list[tuple[str, str]]:
     """Return (key, message) for a hole or a core radius [R] that `points` points cannot
     resolve."""
-    # 0.99 if `hole` is not a number
-    row = rim_spacing(points, min(0.99, hole))
+    inner = 0.99  # if `hole` is too large, or not a number
+    if hole < inner:
+        inner = hole
+    row = rim_spacing(points, inner)
     least = MIN_EDGE * row / (2.0 * np.pi)
     body = f"{points} points"
-    of_hole = _radius_fault(hole, least, 1.0 - MIN_ROWS * row, body, MIN_ROWS)
+    of_hole = _radius_fault(
+        radius=hole, low=least, high=1.0 - MIN_ROWS * row, body=body, rows=MIN_ROWS
+    )
+    with_hole = body
     if hole:
-        body += f" and a hole of {hole:g} R"
-    of_core = _radius_fault(core, max(least, hole + row), 1.0 - row, body, 1)
+        with_hole = f"{body} and a hole of {hole:g} R"
+    of_core = _radius_fault(
+        radius=core,
+        low=max(least, hole + row),
+        high=1.0 - row,
+        body=with_hole,
+        rows=1,
+    )
     faults = [("hole", of_hole), ("core_radius", of_core)]
     return [(key, fault) for key, fault in faults if fault]
 

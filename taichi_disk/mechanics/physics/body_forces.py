@@ -21,6 +21,7 @@ from taichi_disk.mechanics.physics.law import (
     put,
 )
 from taichi_disk.mechanics.physics.ordering import Arrangement
+from taichi_disk.mechanics.potential import ExponentialPotential
 
 # a smaller force of the rigid wall on a point is not computed [M c^2/R]
 NEGLIGIBLE_FORCE = exp(-45.0)
@@ -30,7 +31,7 @@ STOPPING_TIME = 1e-9
 
 @ti.data_oriented
 @dataclass(eq=False)
-class ExponentialWall(Wall, BodyForce):
+class ExponentialWall(ExponentialPotential, Wall, BodyForce):
     """A flat wall at y = 0 that pushes every point of the disk upwards with a V0 exp(-a
     y), paper eqs. (3) and (6)."""
 
