@@ -112,6 +112,9 @@ class DiskScene(Frozen):
                 " its default, too; for eta_star write viscosity=auto"
             )
             found.append(("material.viscosity", text))
+        if "none" not in (spec.file, spec.outline):
+            text = "lattice.file has all points: leave one of the two out"
+            found.append(("lattice.outline", text))
         if spec.file != "none":  # the file defines the whole lattice
             return found
         if spec.outline != "none":
