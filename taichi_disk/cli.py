@@ -465,10 +465,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     when(
         "--times",
-        type=float,
         nargs="+",
         metavar="T",
-        help="times of the states, ascending [R/c]",
+        help="times of the states, ascending [R/c], or words as for render --at",
     )
     add(
         "--out",
