@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import re
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -283,7 +284,9 @@ def _doctor(arguments: argparse.Namespace) -> int:
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        if "unrecognized arguments" in message:
+        if re.search(r"unrecognized arguments: .*\.ya?ml", message):
+            message += "; a command takes one scene: write a command for each"
+        elif "unrecognized arguments" in message:
             message += (
                 "; run, sweep, view, check and accuracy change a key of the scene with"
                 " --set SECTION.KEY=VALUE, e.g. --set material.eta_star=30; render has"
@@ -465,10 +468,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     when(
         "--times",
-        type=float,
         nargs="+",
         metavar="T",
-        help="times of the states, ascending [R/c]",
+        help="times of the states, ascending [R/c], or words as for render --at",
     )
     add(
         "--out",
