@@ -124,8 +124,8 @@ def driver_state() -> str:
 
 
 def driver_problem(state: str) -> str:
-    """Return a message about the Vulkan drivers, which are in `state`, with what
-    helps."""
+    """Return a message that says what is wrong with the Vulkan driver, and what helps.
+    `state`: what `driver_state` returns."""
     drivers = glob("/usr/share/vulkan/icd.d/*.json")
     values = os.environ.items()
     remedies = [f"without {k}={v}" for k, v in values if k in DRIVER_VARIABLES]
