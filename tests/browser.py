@@ -66,7 +66,9 @@ class Browser:
 
     def clear(self) -> None:
         """Make the browser as it was at its start: no page, no errors, no files."""
-        self.script("if (location.protocol === 'http:') sessionStorage.clear()")
+        self.script(
+            "if (/^(http|file):/.test(location.protocol)) sessionStorage.clear()"
+        )
         self.driver.get("about:blank")
         self.resize(SIZE)
         self.emulate()
@@ -260,6 +262,18 @@ class Browser:
         pointer = builder.pointer_action
         pointer.move_to_location(*start).pointer_down(button=button).pause(pause)
         pointer.move_to_location(*end).pause(pause).pointer_up(button=button)
+        builder.perform()
+
+    def trace(self, places: Any) -> None:
+        """Drag along `places` (n, 2) [px]."""
+        from selenium.webdriver.common.actions.action_builder import ActionBuilder
+
+        builder = ActionBuilder(self.driver, duration=5)
+        first, *others = np.round(places).astype(int).tolist()
+        builder.pointer_action.move_to_location(*first).pointer_down()
+        for place in others:
+            builder.pointer_action.move_to_location(*place)
+        builder.pointer_action.pointer_up()
         builder.perform()
 
     def drag_in(self, identity: str, start: float, end: float) -> None:

@@ -14,9 +14,9 @@ from taichi_disk.base.errors import NoPictures
 from taichi_disk.pictures.render.artist import Artist
 
 
-def python(*words, **options):
+def python(*words, program=sys.executable, **options):
     """Run Python with these arguments, and return the process that has ended."""
-    line = [sys.executable, *map(str, words)]
+    line = [program, *map(str, words)]
     return subprocess.run(line, **{"capture_output": True, "text": True} | options)
 
 

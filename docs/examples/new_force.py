@@ -12,8 +12,7 @@ from taichi_disk import load_scene
 from taichi_disk.base import runtime
 from taichi_disk.base.engine import ti
 from taichi_disk.experiments.computation.outcome import compute
-from taichi_disk.mechanics.lattice import Array, Lattice
-from taichi_disk.mechanics.physics import BodyForce
+from taichi_disk.mechanics import Array, BodyForce, Lattice
 
 
 @ti.data_oriented

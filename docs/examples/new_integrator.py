@@ -1,8 +1,8 @@
 """An integrator of your own: Forest and Ruth's composition of three leapfrog steps,
 order 4 (Physica D 43, 105, 1990).
 
-In the project: a file in taichi_disk/integrators and an entry of INTEGRATORS; scenes
-    may then name it.
+In the project: an entry of INTEGRATORS in taichi_disk/mechanics/integrators; scenes may
+    then name it.
 
 python docs/examples/new_integrator.py
 """
@@ -13,8 +13,7 @@ import numpy as np
 
 from taichi_disk import load_scene
 from taichi_disk.base import runtime
-from taichi_disk.mechanics.integrators import Integrator
-from taichi_disk.mechanics.simulation.simulation import Simulation
+from taichi_disk.mechanics import Integrator, Simulation
 
 THETA = 1.0 / (2.0 - 2.0 ** (1.0 / 3.0))
 FOREST_RUTH = Integrator(

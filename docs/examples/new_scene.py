@@ -1,8 +1,8 @@
 """A scene of your own: a disk that is stretched, released, and vibrates. There is no
 wall.
 
-In the project: these classes in a file of taichi_disk/scenes, an entry of SCENES, and a
-    YAML file in scenes/.
+In the project: these classes in a file of taichi_disk/experiments/scenes, an entry of
+    SCENES, and a YAML file in scenes/.
 
 python docs/examples/new_scene.py
 """
@@ -17,7 +17,7 @@ from taichi_disk.experiments.computation.scenario import Array, Columns, Scenari
 from taichi_disk.experiments.config.sections import Section, key
 from taichi_disk.experiments.scenes import SCENES
 from taichi_disk.experiments.scenes.scene import DiskScene
-from taichi_disk.mechanics.physics import Model
+from taichi_disk.mechanics import Model
 
 
 class StretchSection(Section):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import errno
+import hashlib
 import json
 import os
 import platform
@@ -39,6 +40,9 @@ LITTER = re.compile(
     r"|\.~lock\..*#",
     re.IGNORECASE,
 )
+# what other programs write while a run is computed, and which must stay
+LOGS = re.compile(r".*\.log|slurm-.*\.out|\.snakemake_timestamp")
+MAX_NAME = 150  # length of a name that leaves room for a prefix [bytes]
 
 
 def prepare_output(out: Path) -> list[Path]:
@@ -81,7 +85,15 @@ def cannot_write(out: Path, error: BaseException) -> InputError:
 def hidden(path: Path) -> Path:
     """Return a hidden path beside `path`, unique to this process, with the same suffix
     (NumPy and encoders need it)."""
-    return path.with_name(f".{platform.node()}-{os.getpid()}.new.{path.name}")
+    return path.with_name(f".{platform.node()}-{os.getpid()}.new.{_short_name(path)}")
+
+
+def _short_name(path: Path) -> str:
+    """Return the name of `path`, or a hash of it if it is too long for a prefix."""
+    name = os.fsencode(path.name)
+    if len(name) <= MAX_NAME:
+        return path.name
+    return hashlib.sha256(name).hexdigest() + path.suffix[:MAX_NAME]
 
 
 def atomic_write(path: Path, writer: Callable[[Path], object]) -> None:
@@ -109,7 +121,12 @@ def atomic_write(path: Path, writer: Callable[[Path], object]) -> None:
 
 def replace(new: Path, path: Path) -> None:
     """Rename `new` to `path`. An existing folder is moved aside first and removed last.
-    What cannot be renamed is copied."""
+    What cannot be renamed is copied, and so is a folder if `path` holds it, or logs."""
+    if path.is_dir() and (
+        path in new.parents or any(map(LOGS.fullmatch, os.listdir(path)))
+    ):
+        _copy_over(new, path)
+        return
     try:
         if new.is_dir() and path.is_dir():
             remove(_displaced(path))
@@ -132,8 +149,9 @@ def _copy_over(new: Path, path: Path) -> None:
     else:
         path.mkdir(exist_ok=True)
         # summary.json makes a folder a run: it goes first and comes last
-        for name in sorted(os.listdir(path), key=MARK.__ne__):
-            remove(path / name)
+        for name in sorted(listed(path), key=MARK.__ne__):
+            if path / name != new:
+                remove(path / name)
         for name in sorted(os.listdir(new), key=MARK.__eq__):
             copy(new / name, path / name)
     remove(new)
@@ -155,7 +173,7 @@ def restore(path: Path) -> None:
 
 
 def _displaced(path: Path) -> Path:
-    return path.with_name(f".taichi-disk.old.{path.name}")
+    return path.with_name(f".taichi-disk.old.{_short_name(path)}")
 
 
 def remove(path: Path) -> None:
@@ -168,8 +186,12 @@ def remove(path: Path) -> None:
 
 
 def listed(folder: Path) -> list[str]:
-    """Return the sorted names in `folder`, without the litter of file systems."""
-    return sorted(name for name in os.listdir(folder) if not LITTER.fullmatch(name))
+    """Return the sorted names in `folder`, without the litter of file systems and the
+    logs of other programs."""
+    names = sorted(os.listdir(folder))
+    return [
+        name for name in names if not (LITTER.fullmatch(name) or LOGS.fullmatch(name))
+    ]
 
 
 def read_summary(folder: Path) -> dict[str, Any]:

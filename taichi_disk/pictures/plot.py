@@ -6,10 +6,12 @@ Matplotlib takes 0.3 s to import, so it is imported only when something is drawn
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
@@ -17,7 +19,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_disk.base.files import atomic_write
-from taichi_disk.experiments.computation.contact import results_time, vibration_left
+from taichi_disk.base.processes.early import picture_of
+from taichi_disk.experiments.computation.contact import Contact
 from taichi_disk.experiments.computation.words import Words
 from taichi_disk.experiments.scenes.scene import origin
 from taichi_disk.mechanics.simulation.observables import Columns
@@ -54,6 +57,9 @@ VISIBLE_ENERGY = 2e-3
 PANEL_HEIGHTS = (1.2, 1.0, 1.5)
 # fractions of the figure
 LAYOUT = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}
+HEIGHT = 9.2  # of a figure whose title has two lines [in]
+LINE_HEIGHT = 0.16  # of a title [in]
+TITLE_WIDTH = 95  # [letters]
 FORCE_LABEL = "wall force  [Mc²/R]"
 ENERGY_LABEL = "energy  [Mc²]"
 RAISED = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -146,80 +152,106 @@ class PlotScene:
         words: names of the quantities.
         numbers: results by name.
         columns: time series, as in timeseries.csv.
+        contact: the contact in it.
         curves: curves over time.
         quality: (rows,) accuracy of the run.
         laws: continuum laws for the compression, (rows,) [R], by name.
         static: whether the rows are equilibria of a loading.
-        headline: the result to quote, or "".
         origin: metadata of the file.
     """
 
     words: Words
     numbers: dict[str, float]
     columns: Columns
+    contact: Contact
     curves: list[TimeCurve]
     quality: Array
     laws: dict[str, Array]
     static: bool
-    headline: str
     origin: str
 
 
-def plot_scene(scenario: Scenario, columns: Columns, headline: str = "") -> PlotScene:
-    """Return what the plot of a run shows, under a headline."""
+def plot_scene(scenario: Scenario, columns: Columns) -> PlotScene:
+    """Return what the plot of a run shows."""
     return PlotScene(
         words=scenario.words,
         numbers=scenario.result(columns),
         columns=columns,
+        contact=Contact(columns),
         curves=curves(scenario, columns),
         quality=scenario.quality(columns),
         laws=scenario.continuum(columns),
         static=scenario.static,
-        headline=headline,
         origin=origin(scenario.stored_scene),
     )
 
 
-def plot_run(path: Path, scene: PlotScene) -> None:
+def plot_run(path: Path, scene: PlotScene, headline: str = "") -> None:
     """Draw the time series of a run into a bitwise reproducible PNG. Raises
     SimulationError if the file cannot be written."""
+    from matplotlib.image import imsave
+
+    figure: Any = run_figure(scene, headline)
+    metadata: Any = {"Software": None, "Description": scene.origin}
+    write = partial(
+        imsave,
+        arr=figure.canvas.buffer_rgba(),
+        dpi=figure.dpi,
+        metadata=metadata,
+        pil_kwargs={"compress_level": 3},
+    )
+    atomic_write(path, write)
+
+
+def run_figure(scene: PlotScene, headline: str) -> Plot:
+    """Return the plot of a run under the result to quote."""
+    figure = picture_of(draw_plot, scene)
+    parameters = _parameters(scene)
+    quoted = fill(headline, TITLE_WIDTH).splitlines()
+    title = "\n".join([*parameters, *quoted])
+    # `draw_plot` has left room for one line to quote
+    size = 9.5 * min(1.0, (len(parameters) + 1) / (len(parameters) + len(quoted)))
     with matplotlib_style(STYLE):
-        figure = _drawn(scene)
-        metadata = {"Software": None, "Description": scene.origin}
-        atomic_write(
-            path,
-            lambda new: figure.savefig(
-                new, metadata=metadata, pil_kwargs={"compress_level": 3}
-            ),
+        # a figure draws its title last in any case
+        figure.draw_artist(
+            figure.suptitle(title, y=0.99, fontsize=size, fontweight="bold")
         )
-
-
-def run_figure(scene: PlotScene) -> Plot:
-    with matplotlib_style(STYLE):
-        figure = _drawn(scene)
-        figure.draw_without_rendering()  # fixes the style of ticks and grid
     return figure
 
 
-def _drawn(scene: PlotScene) -> Plot:
+def _parameters(scene: PlotScene) -> list[str]:
+    """Return the lines of the title that name the parameters, each unbroken."""
+    parts = "    ".join(scene.words.title[1:])
+    unbroken = re.sub(r"(?<! ) (?! )", "\u00a0", parts)
+    return fill(unbroken, TITLE_WIDTH).replace("\u00a0", " ").splitlines()
+
+
+def draw_plot(scene: PlotScene) -> Plot:
+    """Return the plot of a run without the title, which needs all lattices."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     from taichi_disk.pictures.inline import Plot
 
-    figure = Plot(figsize=(7.6, 9.2), dpi=120)
-    FigureCanvasAgg(figure)
-    parameters = "    ".join(scene.words.title[1:])
-    title = f"{fill(parameters, 95)}\n{fill(scene.headline, 95)}"
-    figure.suptitle(title.strip(), y=0.99, fontsize=9.5, fontweight="bold")
-    if scene.static:
-        _draw_loading(figure, scene)
-    else:
-        _draw_run(figure, scene)
-    for ax in figure.axes:
-        ax.yaxis.set_label_coords(-0.11, 0.5)
-        if ax.get_yscale() == "linear":
-            ax.yaxis.set_major_formatter(powers())
+    with matplotlib_style(STYLE):
+        further_lines = len(_parameters(scene)) - 1
+        figure = Plot(figsize=(7.6, HEIGHT + further_lines * LINE_HEIGHT), dpi=120)
+        canvas = FigureCanvasAgg(figure)
+        if scene.static:
+            _draw_loading(figure, scene)
+        else:
+            _draw_run(figure, scene)
+        for ax in figure.axes:
+            ax.yaxis.set_label_coords(-0.11, 0.5)
+            if ax.get_yscale() == "linear":
+                ax.yaxis.set_major_formatter(powers())
+        canvas.draw()  # also fixes the style of ticks and grid
     return figure
+
+
+def _layout(figure: Any) -> dict[str, float]:
+    """Return the place of the axes, which are as high under any title."""
+    part = HEIGHT / figure.get_figheight()
+    return LAYOUT | {name: part * LAYOUT[name] for name in ("bottom", "top")}
 
 
 def _draw_run(figure: Any, scene: PlotScene) -> None:
@@ -230,7 +262,11 @@ def _draw_run(figure: Any, scene: PlotScene) -> None:
     # layout="constrained" would draw everything twice and so double the time of a plot.
     axes = list(
         figure.subplots(
-            len(ratios), 1, sharex=True, height_ratios=ratios, gridspec_kw=LAYOUT
+            len(ratios),
+            1,
+            sharex=True,
+            height_ratios=ratios,
+            gridspec_kw=_layout(figure),
         )
     )
     axes.pop(2).remove()  # the legend of the energies takes the place of these axes
@@ -247,7 +283,7 @@ def _draw_run(figure: Any, scene: PlotScene) -> None:
             linestyle=curve.look.style,
             label=curve.name,
         )
-    _mark_vibration(energies, columns)
+    _mark_vibration(energies, scene)
     result_mark, force_mark = (mark.format(**scene.numbers) for mark in words.marks)
     _mark(motion, scene.curves[0].values, result_mark, side="right")
     force.annotate(
@@ -273,18 +309,18 @@ def _draw_run(figure: Any, scene: PlotScene) -> None:
     quality.set(ylabel=quality_label, yscale=scale)
 
 
-def _mark_vibration(ax: Any, columns: Columns) -> None:
+def _mark_vibration(ax: Any, scene: PlotScene) -> None:
     """Mark the energy of vibration, kinetic and elastic, that is left after an impact
     by a dot."""
-    flight = columns["translation"][0]
+    flight = scene.columns["translation"][0]
     if not flight:
         return
-    left = vibration_left(columns)
+    left = scene.contact.vibration_left
     share = "< 0.01 %"
     if abs(left) >= 1e-4:
         share = f"{100.0 * left:.2g} %"
     ax.plot(
-        [results_time(columns)],
+        [scene.contact.results_time],
         [left * flight],
         color=LOOKS["vibration"].colours[0],
         linestyle="none",
@@ -301,7 +337,7 @@ def _draw_loading(figure: Any, scene: PlotScene) -> None:
     xi = columns["xi"]
     load = columns["wall_force"]
     # room for half of the last number of the axis, such as 0.0175
-    layout = LAYOUT | {"right": 0.965}
+    layout = _layout(figure) | {"right": 0.965}
     force, energy = figure.subplots(
         2, 1, sharex=True, height_ratios=(2.0, 1.0), gridspec_kw=layout
     )

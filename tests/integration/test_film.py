@@ -22,16 +22,16 @@ from programs import durations_of, film_problem, packed, printed_by, python
 from taichi_disk import load_scene
 from taichi_disk.base import engine, runtime
 from taichi_disk.base.errors import InputError, SimulationError, TaichiDiskError
+from taichi_disk.base.processes.early import draw_early
 from taichi_disk.base.progress import silent
-from taichi_disk.experiments.computation.contact import (
-    contact_interval,
-    greatest_compression,
-)
 from taichi_disk.experiments.computation.outcome import compute
 from taichi_disk.mechanics.fields import Triangles, at_points
-from taichi_disk.pictures.render import shaders
+from taichi_disk.pictures.panel import draw_panel
+from taichi_disk.pictures.plot import draw_plot, plot_run
+from taichi_disk.pictures.render import finisher, shaders
 from taichi_disk.pictures.render.artist import Artist, drawing_process
 from taichi_disk.pictures.render.film import draw_film, storyboard
+from taichi_disk.pictures.render.letters import Letters
 from taichi_disk.pictures.render.moments import (
     Caption,
     Span,
@@ -41,6 +41,7 @@ from taichi_disk.pictures.render.moments import (
     titles,
 )
 from taichi_disk.pictures.render.palette import THEMES
+from taichi_disk.pictures.render.panel import panel_scene
 from taichi_disk.pictures.web.film import write_page
 from taichi_disk.runs import api
 
@@ -267,7 +268,7 @@ def test_the_film_holds_at_the_greatest_compression_and_ends_with_the_result(
 ):
     result = f"*e = {run.scenario.result(run.series)['restitution']:.3f}"
     words = words_of(tmp_path / "film", run, seconds=4)
-    _, end = contact_interval(run.series)
+    end = run.contact.end
     assert [one.note for one in words[-7:]] == 7 * [result]
     for one in words:
         assert (one.note == result) == (one.t >= end - 1e-4)
@@ -318,14 +319,14 @@ def test_the_ringing_is_shown_about_half_as_strong_as_the_greatest_compression(
         values = at_points("shear", triangles, run.scenario.model.springs, *state[1:])
         return np.percentile(values, 98)
 
-    _, end = contact_interval(run.series)
+    end = run.contact.end
     later = max(shear(t) for t in np.linspace(end + 0.5, end + 6.0, 12))
-    part = ringing(run) * later / shear(greatest_compression(run.series))
+    part = ringing(run) * later / shear(run.contact.greatest)
     assert 0.3 < part < 1.0
 
 
 def test_a_ringing_grows_after_the_contact_and_the_picture_says_so(run):
-    _, end = contact_interval(run.series)
+    end = run.contact.end
     shots = [Caption(t) for t in (0.0, end - 0.1, *np.linspace(end, end + 2.0, 9))]
     found = captions(run, shots, stronger=4.0, ease=6.0)
     factors = [one.ringing for one in found]
@@ -392,12 +393,20 @@ def test_a_part_of_a_film_begins_and_ends_where_asked_at_the_pace_of_the_whole(
 ):
     part = Span(start="contact", end="greatest")
     words = words_of(tmp_path / "part", run, part, seconds=2)
-    start = time_of("contact", run.series)
+    start = time_of("contact", run)
     assert words[0].t == pytest.approx(start, abs=0.006)
-    assert words[-1].t == pytest.approx(greatest_compression(run.series), abs=0.006)
+    assert words[-1].t == pytest.approx(run.contact.greatest, abs=0.006)
     assert len(words) == 20
     with pytest.raises(InputError, match="a film must end after it begins"):
         film(tmp_path / "film.mp4", [run], Span(start="end", end="contact"))
+
+
+def test_a_comparison_without_flight_ends_with_the_longest_run(run):
+    shorter = replace(run, series={name: y[:-40] for name, y in run.series.items()})
+    for runs in ([run, shorter], [shorter, run]):
+        _, _, words = storyboard(runs, video_of({"flight": 0}), Span(), 20, 10.0)
+        assert {one[-1].t for one in words} == {run.series["t"][-1]}
+        assert all(one[-2].result for one in words)  # is held
 
 
 @pytest.mark.parametrize(
@@ -447,6 +456,38 @@ def test_a_full_file_system_is_reported_and_leaves_no_film(run, tmp_path, suffix
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
     assert not list(tmp_path.iterdir())
+
+
+@needs_vulkan
+def test_curves_are_begun_before_what_they_need_last(run, tmp_path, monkeypatch):
+    events = []
+    begin = Artist.begin
+
+    def note(artist, draw, *arguments):
+        events.append(arguments[0] if draw is draw_early else draw)
+        return begin(artist, draw, *arguments)
+
+    monkeypatch.setattr(Artist, "begin", note)
+    scene = load_scene("exponential_wall", ["lattice.points=20", "video.size=360"])
+    options = {"lattices": 2, "progress": lambda stage, *_: events.append(stage)}
+    api.run(scene, tmp_path / "o", **options)
+    order = [
+        "simulate",
+        "estimate",
+        draw_plot,
+        "lattices",
+        plot_run,
+        draw_panel,
+        "render",
+    ]
+    assert list(dict.fromkeys(events)) == order
+    drawn = draw_panel(panel_scene(run, Letters(360, 1.0, "light")))
+    monkeypatch.setattr(
+        finisher, "picture_of", lambda draw, _: {draw_panel: drawn}[draw]
+    )
+    monkeypatch.setattr(finisher, "draw_curves", lambda _, *what: events.append(what))
+    film(tmp_path / "film.mp4", [run], size=360, panel="true")
+    assert events[-1][0] is drawn
 
 
 @needs_vulkan
@@ -512,12 +553,12 @@ def test_the_greatest_compression_of_a_spinning_disk_is_where_it_turns_back(
 ):
     changes = {"points": 60, "spin": spin, "eta_star": eta_star}
     scene = load_scene("exponential_wall").with_(**changes)
-    columns = api.run(scene, lattices=1).series
+    run = api.run(scene, lattices=1)
+    columns = run.series
     force = columns["wall_force"]
     # stretched by its spin before it touches the wall
     assert force[columns["elastic"].argmax()] < 1e-3 * force.max()
-    peak = greatest_compression(columns)
-    speed = np.interp(peak, columns["t"], columns["com_vy"])
+    speed = np.interp(run.contact.greatest, columns["t"], columns["com_vy"])
     assert abs(speed) < 0.1 * scene.impact.velocity
 
 

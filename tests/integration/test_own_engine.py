@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from programs import printed_by, python
 
-from taichi_disk.base.engine import environment
+from taichi_disk.base.engine import environment, ti
 
 ROOT = Path(__file__).parents[2]
 SMALL = (
@@ -44,6 +44,51 @@ thread.start()
 thread.join()
 with ProcessPoolExecutor(1, get_context("fork")) as pool:
     print(pool.submit(once).exception(timeout=60))
+"""
+SETTINGS = """
+from copy import deepcopy
+from taichi_disk.base.engine import owner, ti
+
+def settings():
+    names = [name for name in dir(ti.cfg) if not name.startswith("_")]
+    return {name: deepcopy(getattr(ti.cfg, name)) for name in names}
+
+@ti.kernel
+def third() -> ti.f64:
+    i = 1
+    return i / 3
+
+single = 0.3333333432674408
+for init, expected in (
+    ({}, single), ({"fast_math": False}, single), ({"default_fp": ti.f64}, 1 / 3),
+    ({"default_ip": ti.i64, "debug": True}, single), ({"opt_level": 1}, single),
+    ({"real_matrix_scalarize": False, "kernel_profiler": True}, single),
+):
+    ti.init(arch=ti.cpu, **init)
+    before = settings()
+    assert owner.call(lambda: ti.cfg.default_fp.to_string()) == "f64"
+    assert settings() == before and third() == expected, (init, third())
+"""
+IN_THREAD = f"""
+import threading, taichi as ti
+from taichi_disk import run
+
+def once():
+    try:
+        return print(run({SMALL}, lattices=1).restitution > 0)
+    except Exception as error:
+        return print(error)
+
+def in_thread():
+    thread = threading.Thread(target=once)
+    thread.start()
+    thread.join()
+
+def own_field():
+    x = ti.field(ti.f32, 3)
+    x[0] = 1.5
+    assert x[0] == 1.5
+    return x
 """
 OTHER_ARCH = f"""
 from taichi_disk import run
@@ -86,6 +131,31 @@ def test_an_old_result_outlives_the_user_s_own_init_and_reset(tmp_path):
 def test_the_user_s_own_kernels_and_runs_are_right_beside_each_other(starts):
     printed = printed_by("-m", "tests.integration.beside", *starts, cwd=ROOT)
     assert printed.endswith("right\n")
+
+
+@pytest.mark.skipif(ti.__version__ != (1, 7, 4), reason="the fork has other settings")
+def test_all_settings_of_the_user_hold_again_after_a_call(tmp_path):
+    (tmp_path / "own.py").write_text(SETTINGS)  # kernels need a file
+    printed_by(tmp_path / "own.py")
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize(
+    ("steps", "expected"),
+    [
+        # the first run in a thread, and then fields of the main one
+        ("in_thread(); x = own_field(); once(); in_thread(); own_field(); x[0]", ""),
+        ("ti.init(arch=ti.cpu); in_thread(); once()", "in the thread that has called"),
+        ("once(); x = own_field(); in_thread(); x[0]; once()", "in the main thread"),
+        ("once(); x = ti.field(ti.f32, 3); in_thread(); x[0]", "in the main thread"),
+    ],
+)
+def test_fields_of_one_thread_and_a_run_in_another_work_or_say_which_thread(
+    tmp_path, steps, expected
+):
+    printed = printed_by("-c", IN_THREAD + steps, cwd=tmp_path)
+    refusals = [line for line in printed.splitlines() if "compute in" in line]
+    assert [expected in line for line in refusals] == [True] * bool(expected)
 
 
 @pytest.mark.validate

@@ -21,7 +21,7 @@ def shares(text):
 
 
 def test_each_scene_asks_a_question():
-    assert len(PLAYLIST) == 21
+    assert len(PLAYLIST) == 24
     for one in PLAYLIST.values():
         assert re.fullmatch(r"[A-Z][^?]+\?", one.question)
 
@@ -39,9 +39,7 @@ def test_an_impact_says_where_its_energy_is(name, losses):
     result = api.run(PLAYLIST[name].load().with_(SMALL), lattices=1)
     series = result.series
     text = result.scenario.conclusion(series)
-    assert text.startswith(
-        f"It comes back with {result.restitution:.3f} of its speed. "
-    )
+    assert text.startswith(f"It comes back at {result.restitution:.3f} of its speed. ")
     found = shares(text)
     energy = series["kinetic"][0]
     rest = 1.0  # what neither flies nor turns, and nothing has taken

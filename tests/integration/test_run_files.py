@@ -379,3 +379,20 @@ def test_lattice_npz_alone_repeats_the_run(runs):
     assert stored_run.summary["restitution"] == pytest.approx(
         v[:100, 1].mean() / 0.02, abs=2e-5
     )
+
+
+def test_a_run_keeps_its_outline_and_repeats_it_in_a_folder_that_moved(tmp_path):
+    drawing = tmp_path / "square.csv"
+    drawing.write_text("0,0\n1,0\n1,1\n0,1\n")
+    scene = load_scene("exponential_wall", [f"lattice.outline={drawing}", *SMALL])
+    first = run(scene, tmp_path / "first")
+    assert len(first.summary["lattices"]["restitution"]["values"]) == 8
+    drawing.write_text("0,0\n1,0\n1,2\n0,2\n")
+    other = run(scene, tmp_path / "first", count_on=True)
+    assert other.out.name == "first-2"
+    assert other.restitution != first.restitution
+    first.out.rename(tmp_path / "moved")
+    again = run(load_scene(tmp_path / "moved/scene.yaml"), tmp_path / "moved")
+    assert again.out.name == "moved"
+    assert (again.positions == first.positions).all()
+    assert (again.save(tmp_path / "saved") / "outline.csv").is_file()

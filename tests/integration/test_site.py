@@ -104,9 +104,7 @@ def test_the_first_screen_has_the_question_the_commands_and_a_film_to_play_with(
     first, rest = shown.split("\n</div>\n\n## ", 1)
     assert first.count(f"# {site.QUESTION}") == 1 and "# taichi_disk" not in first
     assert ".venv/bin/taichi-disk run ringing_disk\n" in first
-    assert (
-        '<iframe class="film"' in first and 'src="films/impact.html#goal=0.9"' in first
-    )
+    assert '<iframe class="film"' in first and 'src="films/impact.html"' in first
     # Pictures of the film are for forges.
     assert "download" not in first
     assert "![" not in first and "<iframe" not in rest

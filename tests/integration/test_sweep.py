@@ -667,8 +667,17 @@ def test_warnings_are_in_their_rows_and_counted_at_the_end(tmp_path, capsys):
     warned = ["turned inside out" in row["warnings"] for row in rows]
     assert warned == [float(row["velocity"]) > 0.5 for row in rows]
     (text,) = summary_in(tmp_path / "out")["warnings"]
-    assert text.startswith("2 of 4 points have a warning: ")
+    assert text.startswith("2 of 4 points have a warning, the first: ")
     assert f"warning: {text}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("rim", "count"), [("true", 0), ("false", 1)])
+def test_fits_of_literal_lattices_say_how_far_they_can_be_trusted(tmp_path, rim, count):
+    sweep = {"velocity": [0.02, 0.03, 0.04], "seed": [0]}
+    text = {"scene": "exponential_wall", "lattice": {"points": 30}, "sweep": sweep}
+    summary = swept(text, tmp_path / "out", f"lattice.rim={rim}").summary
+    assert summary["curves"][0]["fits"]
+    assert sum("without a rim" in text for text in summary["warnings"]) == count
 
 
 def test_any_result_is_drawn_against_any_axis_with_bars_over_lattices(small):

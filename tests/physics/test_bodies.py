@@ -9,6 +9,7 @@ import pytest
 from bodies import FREE, disk, non_uniform, pressed, shaken
 from numpy.testing import assert_allclose
 
+from taichi_disk import run
 from taichi_disk.experiments.computation.outcome import compute
 from taichi_disk.experiments.scenes import load_scene
 from taichi_disk.mechanics.fields import Triangles, stress
@@ -88,6 +89,22 @@ def test_a_ring_under_its_own_weight_sinks_as_the_thin_ring_does():
     bending += np.median(lattice.rest_lengths) * (0.5 * thick) ** 2
     thin = load * r**3 / (np.pi * bending) * (np.pi**2 / 12.0 - 11.0 / 16.0)
     assert np.ptp(heights) == pytest.approx(thin, rel=0.05)
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("velocity", [0.01, 0.02, 0.05])
+def test_a_circle_as_an_outline_is_the_disk(tmp_path, velocity):
+    circle = tmp_path / "circle.svg"
+    circle.write_text('<svg xmlns="http://www.w3.org/2000/svg"><circle r="7"/></svg>')
+    scene = load_scene("exponential_wall").with_(velocity=velocity)
+    means = []
+    halves = []
+    for one in (scene, scene.with_(outline=str(circle))):
+        sample = run(one, lattices=8).summary["lattices"]["restitution"]
+        means.append(sample["mean"])
+        halves.append(np.ptp(sample["interval_95"]) / 2.0)
+    assert abs(means[1] - means[0]) < np.hypot(*halves)
+    assert halves[1] < 3.0 * halves[0]
 
 
 def test_a_core_too_large_for_its_place_is_pressed_and_the_ring_around_it_pulled():

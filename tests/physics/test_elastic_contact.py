@@ -34,12 +34,12 @@ def forces(kernels, x, model=BARE):
     return simulation.snapshot().vectors[2]
 
 
-def rough(seed, roughness, reach):
-    """Return positions with a rough surface, and the disk moved along it by up to
-    `reach`. The surface stays ordered in x: a point is over at most one spring."""
+def rough(seed, roughness, low, high):
+    """Return positions with a rough surface, and the disk moved along it by `low` to
+    `high`. The surface stays ordered in x: a point is over at most one spring."""
     rng = np.random.default_rng(seed)
     x = LATTICE.positions + roughness * rng.uniform(-1, 1, LATTICE.positions.shape)
-    x[:N, 0] += rng.uniform(-reach, reach)
+    x[:N, 0] += rng.uniform(low, high)
     x[LATTICE.wall_surface, 0] = np.sort(x[LATTICE.wall_surface, 0])
     return x
 
@@ -54,7 +54,7 @@ def test_every_point_finds_the_spring_below_it_and_force_and_torque_balance(
     plain = reference.Model(LATTICE, BARE)
     touching = 0
     for seed in range(12):
-        x = rough(seed, roughness, 1.8)
+        x = rough(seed, roughness, -1.8, 1.8)
         expected = plain.wall_force(x)
         f = forces(kernels, x)
         rows = plain.contacts(x)
@@ -102,8 +102,8 @@ def test_the_smooth_contact_pushes_along_its_gradient_and_keeps_momentum(
     roughness, kernels
 ):
     model = Model(Springs(1e-12, 1e-12), SMOOTH, boundary=ResetBoundary(1.0))
-    for seed in range(6):
-        x = rough(seed, roughness, 1.0)
+    for seed, place in enumerate((0.0, -1.4, -0.5, 0.9, 1.35, 1.4)):  # at ends, too
+        x = rough(seed, roughness, place, place)
         f = forces(kernels, x, model)
         scale = np.abs(f).max()
         assert scale > 1e-3

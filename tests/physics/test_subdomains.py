@@ -12,6 +12,7 @@ import pytest
 import reference
 from bodies import (
     ELASTIC,
+    FALLING,
     FOUR_FORCES,
     disk,
     disk_and_wall,
@@ -113,6 +114,19 @@ def elsewhere(name, threads):
     return subprocess.run(
         command, check=True, cwd=folder, capture_output=True, text=True, timeout=200
     ).stdout.split()
+
+
+def test_subdomains_move_as_one_body(kernels, monkeypatch):
+    lattice = disk(900, height=0.02)
+    body = lattice, FALLING, VELOCITY_VERLET, moving_down(lattice, 0.05), 2e-3
+    serial = kernels.simulation(*body)
+    monkeypatch.setattr(ordering, "PARALLEL_FROM", 1)
+    cut = Simulation(*body)
+    assert cut.subdomains > 3
+    for few in (25, 7):
+        rows, own = (one.advance(few, 10)[0] for one in (serial, cut))
+        assert_allclose(own, rows, rtol=1e-10, atol=1e-13)
+    assert_allclose(cut.now, serial.now, rtol=1e-10, atol=1e-13)
 
 
 @pytest.mark.validate

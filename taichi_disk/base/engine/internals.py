@@ -11,6 +11,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from copy import deepcopy
 from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
@@ -39,22 +40,30 @@ def own_settings(ti: Any) -> Iterator[None]:
     settings of the user's `ti.init` hold again."""
     config = settings(ti)
     runtime = ti.lang.impl.get_runtime()
-    own = [
-        (runtime, "default_fp", ti.f64),
-        (config, "default_fp", ti.f64),
+    own = {
+        "default_fp": ti.f64,
         # True is no faster here, and results would depend on how a kernel is optimised
-        (config, "fast_math", False),
-        (config, "real_matrix_scalarize", False),
-    ]
+        "fast_math": False,
+        "real_matrix_scalarize": False,
+    }
     if hasattr(config, "compile_tier"):
         # The fork's default compiles faster, and a step then takes eleven times as
         # long.
-        own.append((config, "compile_tier", "balanced"))
+        own["compile_tier"] = "balanced"
     with ExitStack() as stack:
-        for holder, name, value in own:
-            stack.callback(setattr, holder, name, getattr(holder, name))
-            setattr(holder, name, value)
+        stack.callback(setattr, runtime, "default_fp", runtime.default_fp)
+        runtime.default_fp = ti.f64
+        for name, value in own.items():
+            # copied, because a type is read as a reference into the settings
+            stack.callback(setattr, config, name, deepcopy(getattr(config, name)))
+            setattr(config, name, value)
         yield
+
+
+def has_declared_fields(ti: Any) -> bool:
+    """Return whether fields were declared since the last launch of a kernel."""
+    runtime = ti.lang.impl.get_runtime()
+    return any(getattr(runtime, name) for name in DECLARED)
 
 
 def has_vulkan(ti: Any) -> bool:

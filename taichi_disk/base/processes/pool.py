@@ -39,14 +39,15 @@ class Pool(ThreadPoolExecutor):
     pipes only.
     """
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, memory: int = 0) -> None:
+        """`memory`: limit of each process [bytes]; 0: none."""
         super().__init__(count)
         self.count = count
         environment.prepare()  # workers share the cache of this process
         self._processes = []
         if can_start_python():
             with ignored_by_children():
-                self._processes = [_start() for _ in range(count)]
+                self._processes = [_start(memory) for _ in range(count)]
         self._free = SimpleQueue[subprocess.Popen[bytes]]()
         for process in self._processes:
             self._free.put(process)
@@ -118,7 +119,7 @@ def result_of(future: Future[Any], limit: float = inf) -> Any:
     until = monotonic() + limit
     while not future.done():
         if monotonic() >= until:
-            raise TimeoutError  # that of futures is another one before Python 3.11
+            raise TimeoutError  # before Python 3.11 futures raise another one
         raise_if_interrupted()
         wait([future], POLL_INTERVAL)
     return future.result()
@@ -134,9 +135,9 @@ def _end(process: subprocess.Popen[bytes]) -> str:
     return f"exit status {code}"
 
 
-def _start() -> subprocess.Popen[bytes]:
+def _start(memory: int) -> subprocess.Popen[bytes]:
     process = subprocess.Popen(
-        [sys.executable, str(WORKER)],
+        [sys.executable, str(WORKER), str(memory)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         # One thread for each process, so that processes do not compete for the cores.

@@ -12,6 +12,7 @@ import signal
 import sys
 import threading
 import warnings
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from queue import SimpleQueue
@@ -26,6 +27,7 @@ def main() -> None:
     warnings.simplefilter("ignore")  # as `cli.main` does
     # what libraries print must not come between the results
     output = sys.stdout.fileno()
+    _limit(int(sys.argv[1]))
     results = os.fdopen(os.dup(output), "wb")
     os.dup2(os.open(os.devnull, os.O_WRONLY), output)
     requests = SimpleQueue[Any]()
@@ -34,6 +36,15 @@ def main() -> None:
     while (request := requests.get()) is not None:
         results.write(_answer(request))
         results.flush()
+
+
+def _limit(memory: int) -> None:
+    """Limit the memory of this process [bytes], unless it is 0 or the system cannot."""
+    with suppress(ImportError, ValueError):
+        import resource
+
+        if memory:
+            resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
 
 
 def _find_modules(search_path: list[str]) -> None:

@@ -41,85 +41,111 @@ def flight_energies(columns: Columns, gravity: float, surface: float) -> Array:
     return energies
 
 
-def contact_interval(columns: Columns, bounce: int = 0) -> tuple[float, float]:
-    """Return the first and last times at which the wall's force crosses CONTACT_LEVEL
-    of its peak, log-linear between samples. `bounce`: number of the impact, from 0.
+class Contact:
+    """The contact of wall and disk in the time series `columns` of a run; of several
+    bounces that of the number `bounce`, from 0.
 
-    If no sample of a very short contact has a force, return the sample times between
-    which the disk turned back.
+    Attributes:
+        start, end: first and last time at which the wall's force crosses CONTACT_LEVEL
+            of its peak [R/c], log-linear between samples. If no sample of a very short
+            contact has a force, the times of the samples between which the disk turned
+            back.
     """
-    before, after = flights(columns)[bounce : bounce + 2]
-    columns = {name: values[before : after + 1] for name, values in columns.items()}
-    t = columns["t"]
-    force = columns["wall_force"]
-    if not force.any():
-        turned = int(np.argmax(columns["com_vy"] > 0.0))
-        return float(t[turned - 1]), float(t[turned])
-    level = CONTACT_LEVEL * force.max()
-    # above the level, as a logarithm
-    height = np.log(np.maximum(force, 1e-300)) - np.log(level)
 
-    def crossing(i: int) -> float:
-        """Return the time between rows i and i + 1 at which the height is 0."""
-        duration = t[i + 1] - t[i]
-        return float(t[i] + duration * height[i] / (height[i] - height[i + 1]))
+    def __init__(self, columns: Columns, bounce: int = 0) -> None:
+        before, after = flights(columns)[bounce : bounce + 2]
+        columns = {name: values[before : after + 1] for name, values in columns.items()}
+        self._columns = columns
+        t = columns["t"]
+        force = columns["wall_force"]
+        if not force.any():
+            turned = int(np.argmax(columns["com_vy"] > 0.0))
+            self.start = float(t[turned - 1])
+            self.end = float(t[turned])
+            return
+        level = CONTACT_LEVEL * force.max()
+        # above the level, as a logarithm
+        height = np.log(np.maximum(force, 1e-300)) - np.log(level)
 
-    inside = np.flatnonzero(force >= level)
-    first = int(inside[0])
-    last = int(inside[-1])
-    start = float(t[0])
-    end = float(t[-1])
-    if first > 0:
-        start = crossing(first - 1)
-    if last + 1 < len(t):
-        end = crossing(last)
-    return start, end
+        def crossing(i: int) -> float:
+            """Return the time between rows i and i + 1 at which the height is 0."""
+            duration = t[i + 1] - t[i]
+            return float(t[i] + duration * height[i] / (height[i] - height[i + 1]))
+
+        inside = np.flatnonzero(self._touches)
+        first = int(inside[0])
+        last = int(inside[-1])
+        self.start = float(t[0])
+        self.end = float(t[-1])
+        if first > 0:
+            self.start = crossing(first - 1)
+        if last + 1 < len(t):
+            self.end = crossing(last)
+
+    @property
+    def _touches(self) -> Array:
+        force = self._columns["wall_force"]
+        return force >= CONTACT_LEVEL * force.max()
+
+    @property
+    def first_sample(self) -> float:
+        """Time of the first sample in contact [R/c]."""
+        return float(self._columns["t"][self._touches.argmax()])
+
+    @property
+    def greatest(self) -> float:
+        """Time of the greatest compression [R/c], at which the elastic energy is
+        largest during contact.
+
+        If a spin stretches the disk before the contact, the time at which the centre of
+        mass is lowest.
+        """
+        elastic = self._columns["elastic"]
+        touches = self._touches
+        stored = elastic * touches
+        stored_before_contact = elastic[: int(touches.argmax())].max(initial=0.0)
+        row = stored.argmax()
+        if stored_before_contact > STRETCHED * stored.max():
+            row = self._columns["com_y"].argmin()
+        return float(self._columns["t"][int(row)])
+
+    # ---- what is measured at its end
+
+    @property
+    def results_time(self) -> float:
+        """Time at which spin and vibration are measured [R/c]: the end of the last
+        contact."""
+        # Afterwards dashpots reduce both. Without losses, they are measured at the end
+        # of the run, far from the wall.
+        if self._columns["dissipated"][-1] or self._columns["absorbed"][-1]:
+            return self.end
+        return float(self._columns["t"][-1])
+
+    @property
+    def vibration_left(self) -> float:
+        """Energy of the vibration at `results_time`, kinetic and elastic, over that of
+        the flight at t = 0."""
+        stored = self._vibration
+        left = np.interp(self.results_time, self._columns["t"], stored) - stored[0]
+        return float(left / self._columns["translation"][0])
+
+    @property
+    def vibration_change(self) -> float:
+        """Change of the vibration's energy between the rows before and after
+        `results_time`, over the flight's energy at t = 0."""
+        stored = self._vibration
+        after = np.searchsorted(self._columns["t"], self.results_time)
+        change = abs(stored[after] - stored[after - 1])
+        return float(change / self._columns["translation"][0])
+
+    @property
+    def _vibration(self) -> Array:
+        """Kinetic and elastic energy of vibration (rows,) [M c^2]."""
+        return self._columns["vibration"] + self._columns["elastic"]
 
 
-def results_time(columns: Columns) -> float:
-    """Return the time at which spin and vibration are measured [R/c]: the end of the
-    last contact."""
-    # Afterwards dashpots reduce both. Without losses, they are measured at the end of
-    # the run, far from the wall.
-    t = columns["t"]
-    if not (columns["dissipated"][-1] or columns["absorbed"][-1]):
-        return float(t[flights(columns)[1]])
-    return contact_interval(columns)[1]
-
-
-def vibration_left(columns: Columns) -> float:
-    """Return the vibration's energy at `results_time`, kinetic and elastic, over the
+def energy_error(columns: Columns) -> float:
+    """Return the energy that a finished run has gained or lost by its errors, over the
     flight's energy at t = 0."""
-    stored = _of_vibration(columns)
-    left = np.interp(results_time(columns), columns["t"], stored) - stored[0]
-    return float(left / columns["translation"][0])
-
-
-def vibration_change(columns: Columns) -> float:
-    """Return the change of the vibration's energy between the rows before and after
-    `results_time`, over the flight's energy at t = 0."""
-    stored = _of_vibration(columns)
-    after = np.searchsorted(columns["t"], results_time(columns))
-    return float(abs(stored[after] - stored[after - 1]) / columns["translation"][0])
-
-
-def _of_vibration(columns: Columns) -> Array:
-    """Return the kinetic and elastic energy of vibration (rows,) [M c^2]."""
-    return columns["vibration"] + columns["elastic"]
-
-
-def greatest_compression(columns: Columns) -> float:
-    """Return the time at which the elastic energy is largest during contact [R/c].
-
-    If a spin stretches the disk before the contact, return the time at which the centre
-    of mass is lowest.
-    """
-    force = columns["wall_force"]
-    elastic = columns["elastic"]
-    touches = force >= CONTACT_LEVEL * force.max()
-    stored = elastic * touches
-    stored_before_contact = elastic[: int(touches.argmax())].max(initial=0.0)
-    row = stored.argmax()
-    if stored_before_contact > STRETCHED * stored.max():
-        row = columns["com_y"].argmin()
-    return float(columns["t"][int(row)])
+    total = columns["total"]
+    return float(abs(total[-1] - total[0]) / columns["translation"][0])

@@ -8,16 +8,11 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.base.errors import SimulationError
-from taichi_disk.experiments.computation.contact import (
-    apexes,
-    contact_interval,
-    results_time,
-    vibration_left,
-)
+from taichi_disk.experiments.computation.contact import Contact, apexes
 from taichi_disk.experiments.computation.scenario import Scenario
 from taichi_disk.mechanics.lattice import Array, Lattice
 from taichi_disk.mechanics.lattice.lattice import double_area
-from taichi_disk.mechanics.physics import Wall
+from taichi_disk.mechanics.physics import ElasticWall
 from taichi_disk.mechanics.simulation.observables import (
     BY_NAME,
     INDEX,
@@ -51,7 +46,7 @@ def summary(scenario: Scenario, columns: Columns) -> dict[str, Any]:
         if name != "friction" or columns[name].any():
             found[name] = float(columns[name][-1])
     if columns["translation"][0]:
-        found["vibration_left"] = vibration_left(columns)
+        found["vibration_left"] = Contact(columns).vibration_left
     closing, worst = relative_imbalance(scenario, columns)
     found["scale"] = scenario.energy_scale(columns)
     found["closing_imbalance"] = closing
@@ -176,11 +171,11 @@ def _rotation_lost(scenario: Scenario, columns: Columns) -> str:
     spin = columns["angular_momentum"]
     flight_speed = float(np.hypot(columns["com_vx"][0], columns["com_vy"][0]))
     least = MIN_SPIN * flight_speed  # the mass is 1 M
-    start, _ = contact_interval(columns)
-    flights = {"before the contact": (t[0], start)}
+    contact = Contact(columns)
+    flights = {"before the contact": (t[0], contact.start)}
     if "spin_after" in scenario.result(columns):
         when = "after the contact, at the end of which results are measured"
-        flights[when] = results_time(columns), t[-1]
+        flights[when] = contact.results_time, t[-1]
     lost = []
     for when, flight in flights.items():
         first, last = np.interp(flight, t, spin)
@@ -203,7 +198,7 @@ class EnergyBalance:
     energy without errors [M c^2].
     """
 
-    def __init__(self, start: Array, elastic: Wall | None) -> None:
+    def __init__(self, start: Array, elastic: ElasticWall | None) -> None:
         self.total = float(total_energy(start[None])[0])
         self._max_depth = np.inf
         if elastic is not None:
@@ -235,7 +230,7 @@ class EnergyBalance:
         names = ("kinetic", "elastic", "wall")
         stored = np.abs(rows[:, [INDEX[name] for name in names]]).sum(axis=1)
         work = np.abs(rows[:, INDEX["load"]] - self._load)
-        return np.asarray(stored + work)
+        return stored + work
 
     def give(self, energy: float) -> None:
         """Count energy [M c^2] that entered through `load` from outside, so that it is

@@ -22,9 +22,11 @@ from taichi_disk.experiments.computation.scenario import Scenario
 from taichi_disk.experiments.computation.stability import TimeStep
 from taichi_disk.mechanics.lattice import Array
 from taichi_disk.mechanics.simulation.observables import (
+    INDEX,
     Columns,
     as_columns,
     bounds_array,
+    within,
 )
 from taichi_disk.mechanics.simulation.simulation import (
     MAX_STEPS,
@@ -200,6 +202,7 @@ class Driver:
             return
         remaining = min(remaining, self.scenario.max_time)
         rows_to_wait = max(1, int(PART_TO_WAIT * remaining / self.interval))
+        # The kernel stops after `rows_to_wait` rows more, as if so many were missing.
         self.settled_rows = self.needed_rows - rows_to_wait
 
     def _append(self, rows: Array) -> None:
@@ -229,6 +232,35 @@ class Driver:
                 simulation.positions(snapshot),
                 simulation.velocities(snapshot),
             )
+
+    def back_to(self, state: Snapshot, row: Array) -> None:
+        """Continue from an earlier `state` of this attempt and its observables `row`,
+        and forget everything later."""
+        self.simulation = self._simulation()
+        self.simulation.restore(state)
+        self.count = 1 + state.step // self.stride
+        is_inside = within(self.rows[1:], self.bounds)
+        last_outside = np.flatnonzero(is_inside == 0.0).max(initial=-1)
+        rows_inside = len(is_inside) - 1 - int(last_outside)
+        self.settled_rows = min(rows_inside, self.needed_rows - 1)
+        self.balance = EnergyBalance(self.rows[0], self.scenario.model.elastic)
+        self.balance.first_lost(self.rows)
+        self.state = state
+        self.row = row
+        self.status = "running"
+        self.failure = None
+        if self.end and state.step >= self.end.step:
+            self.status = "finished"
+        else:
+            self.end = None
+
+    def pull(self, point: int, target: tuple[float, float]) -> None:
+        """Tie a point to the mouse at `target` [R] from now on."""
+        jump = self.simulation.set_mouse_target(point, target)
+        self.row = self.row.copy()
+        self.row[INDEX["load"]] += jump
+        self.balance.give(jump)
+        self.state = self.simulation.snapshot()
 
     # ---- finish or fail
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from taichi_disk.base.progress import Progress, silent
 from taichi_disk.experiments.computation import diagnostics
+from taichi_disk.experiments.computation.contact import Contact
 from taichi_disk.experiments.computation.driver import Driver, State
 from taichi_disk.experiments.computation.error_estimate import (
     SUSPICIOUS_ERROR,
@@ -53,6 +55,11 @@ class Outcome:
         # `t = series["t"]; t -= t[k]` would change every later result and file
         for array in (*self.series.values(), self.positions, self.velocities):
             array.flags.writeable = False
+
+    @cached_property
+    def contact(self) -> Contact:
+        """The contact of wall and disk: when it begins, ends and is closest."""
+        return Contact(self.series)
 
 
 def compute(

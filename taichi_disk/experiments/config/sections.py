@@ -98,7 +98,8 @@ class Key:
 
 
 def _is_file_name(text: str) -> bool:
-    return text != "" and _UNUSABLE.search(text) is None
+    is_misspelt = text.lower() in ("", "none") and text != "none"
+    return not is_misspelt and _UNUSABLE.search(text) is None
 
 
 def _shown(bound: float) -> str:
@@ -182,6 +183,10 @@ class LatticeSection(Section):
         "none",
         "table, .npz file or mesh with custom points instead of random ones; relative"
         " to the scene file",
+    )
+    outline: str = key(
+        "none",
+        "drawing (.svg) or table of an outline to fill instead of the circle",
     )
     velocities: str = key(
         "none",
@@ -452,6 +457,12 @@ class VideoSection(Section):
     )
     ringing: Literal["auto", "none"] = key(
         "auto", "auto: vibration after an impact on a rigid wall is shown stronger"
+    )
+    goal: Literal["none"] | float = key(
+        "none",
+        "task of a page that throws its disk: e that a throw is to have",
+        low=0.01,
+        high=1,
     )
     text: float = key(1.0, "factor on the size of letters", low=0.5, high=3)
     words: Literal["all", "few"] = key(

@@ -79,11 +79,10 @@ def check_feasible(scene: Scene | Sweep) -> None:
     """
     if isinstance(scene, Sweep):
         return check_feasible(scene.scenes[0])
-    points = (
-        scene.lattice.points
-        if scene.lattice.file == "none"
-        else scene.body().disk_points
-    )
+    spec = scene.lattice
+    points = spec.points
+    if (spec.file, spec.outline) != ("none", "none"):
+        points = scene.body().disk_points
     scene.check_wall(points)
     if scene.time.dt == "auto":
         return

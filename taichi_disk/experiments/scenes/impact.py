@@ -14,8 +14,8 @@ import numpy as np
 from taichi_disk.base.errors import InputError
 from taichi_disk.experiments.computation.contact import (
     CONTACT_LEVEL,
+    Contact,
     apexes,
-    contact_interval,
     flight_energies,
     flights,
 )
@@ -223,8 +223,10 @@ class ImpactScene(DiskScene):
         if self.wall.friction:  # by which a spin that rolls turns into motion
             rolling = (2.0 * self.impact.along - self.impact.spin) / 3.0
             path.append(contact + 1.2 * gap * rolling / self.impact.towards)
-        top = 2.0 + max(gap, self.impact.rise)
-        return min(path) - 1.1, max(path) + 1.1, -0.1, top
+        x, y = lattice.positions[: lattice.disk_points].T
+        reach = max(1.1, 0.1 + float(np.abs(x).max()))
+        top = max(2.0 + gap, 2.0 + self.impact.rise, float(y.max()))
+        return min(path) - reach, max(path) + reach, -0.1, top
 
     def _shape(self, body: Lattice, springs: Springs) -> Shape:
         disk = disk_of(body)
@@ -411,12 +413,12 @@ class ImpactScenario(Scenario):
         return float(np.sqrt(self.reference_energy / self.kinetic))
 
     def result(self, columns: Columns) -> dict[str, float]:
-        start, end = contact_interval(columns)
+        contact = Contact(columns)
         speeds = self._speeds(columns)
         names = ["restitution", *LATER][: self.scene.impact.bounces]
         ratios = (speeds[1:] / speeds[:-1]).tolist()
         found = dict(zip(names, ratios, strict=False))
-        found["contact_time"] = end - start
+        found["contact_time"] = contact.end - contact.start
         if self.scene.is_oblique:
             inertia = self.shape.inertia
             found |= oblique.along_the_wall(columns, self.outline, inertia)
@@ -447,7 +449,7 @@ class ImpactScenario(Scenario):
             before = np.hypot(before, along[0])
             after = np.hypot(after, along[-1])
             direction = ", to the right" if along[-1] > 0.0 else ", to the left"
-        text = f"It comes back with {after / before:.3f} of its speed{direction}"
+        text = f"It comes back at {after / before:.3f} of its speed{direction}"
         energies = split(columns, self.shape.inertia)
         whole = energies["kinetic"][0]
         shares = {}

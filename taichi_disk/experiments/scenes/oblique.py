@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.experiments.computation.contact import contact_interval, results_time
+from taichi_disk.experiments.computation.contact import Contact
 from taichi_disk.experiments.config import sections
 from taichi_disk.mechanics.lattice import Array
 from taichi_disk.mechanics.potential import ExponentialPotential
@@ -53,7 +53,7 @@ def along_the_wall(
     points of the unloaded disk at t = 0, from its centre of mass. `inertia` [M R^2]: of
     the unloaded disk.
     """
-    end = results_time(columns)
+    end = Contact(columns).results_time
     t = columns["t"]
     vx = columns["com_vx"]
     vy = columns["com_vy"]
@@ -82,7 +82,7 @@ def _height_at_contact(columns: Columns, outline: Array, inertia: float) -> floa
     """Return the height of the centre of mass above the lowest point of the unloaded
     body [R], turned as the body is when it meets the wall."""
     t = columns["t"]
-    start, _ = contact_interval(columns)
+    start = Contact(columns).start
     mean_spin = float(columns["angular_momentum"][t <= start].mean()) / inertia
     angle = mean_spin * start
     x, y = outline.T

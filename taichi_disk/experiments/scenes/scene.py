@@ -23,7 +23,7 @@ from taichi_disk.experiments.config.sections import (
     TimeSection,
     VideoSection,
 )
-from taichi_disk.experiments.config.tree import Keys, Tree, tree_of
+from taichi_disk.experiments.config.tree import QUOTES, Keys, Tree, tree_of
 from taichi_disk.experiments.config.words import NO_KEYS, resolve_synonym
 from taichi_disk.experiments.scenes.conflicts import Conflicts, time_conflicts
 from taichi_disk.mechanics.lattice import (
@@ -44,6 +44,9 @@ if TYPE_CHECKING:
 
 Value: TypeAlias = bool | int | float | str
 
+# keys that name files, and keys without a meaning for an outline
+FILE_KEYS = (("lattice", "file"), ("lattice", "outline"), ("lattice", "velocities"))
+CIRCLE_KEYS = ("rim", "hole", "core_radius", "core_stiffness", "core_density")
 MAX_VELOCITY = 100.0  # largest velocity component of a point at the start [c]
 
 
@@ -109,8 +112,18 @@ class DiskScene(Frozen):
                 " its default, too; for eta_star write viscosity=auto"
             )
             found.append(("material.viscosity", text))
+        if "none" not in (spec.file, spec.outline):
+            text = "lattice.file has all points: leave one of the two out"
+            found.append(("lattice.outline", text))
         if spec.file != "none":  # the file defines the whole lattice
             return found
+        if spec.outline != "none":
+            text = "is for the circle: leave it out with lattice.outline"
+            return found + [
+                (f"lattice.{key}", text)
+                for key in CIRCLE_KEYS
+                if getattr(spec, key) != getattr(LatticeSection, key)
+            ]
         faults = circle_faults(spec.points, spec.hole, spec.core_radius)
         found += [(f"lattice.{key}", fault) for key, fault in faults]
         for key in ("core_stiffness", "core_density"):
@@ -210,6 +223,10 @@ class DiskScene(Frozen):
         spec = self.lattice
         if spec.file != "none":
             return Lattice.read(spec.file)
+        if spec.outline != "none":
+            return Lattice.outline(
+                spec.outline, spec.points, spec.seed, spec.min_spacing
+            )
         core = spec.core_radius, spec.core_stiffness, spec.core_density
         return Lattice.disk(
             spec.points, spec.seed, spec.rim, spec.min_spacing, spec.hole, *core
@@ -409,12 +426,14 @@ def _value(kind: str, path: Keys, value: Any, tree: Tree, kinds: Kinds) -> Any:
     if key is None:
         tree.fault(entry.key, path, _unknown(kind, path, kinds, tree))
     elif not key.accepts(value):
-        hint = did_you_mean(value, key.words)
+        hint = did_you_mean(value, key.words or ("none",))
+        if isinstance(value, str) and not value.isprintable():
+            hint = f"; {QUOTES}"
         if isinstance(value, list) and len(value) > 1:
             hint = "; several values are a sweep: write them in the section sweep"
         what = f"must be {key.allowed()}, not {entry.shown}{hint} ({key.meaning})"
         tree.fault(entry.value, path, what)
-    elif path in (("lattice", "file"), ("lattice", "velocities")) and value != "none":
+    elif path in FILE_KEYS and value != "none":
         # On the command line a path is relative to the working directory, in a scene
         # file to the folder of that file.
         folder = tree.folder

@@ -62,5 +62,6 @@ def lattice_key(scene: Scene) -> Hashable:
         type(scene),
         scene.material.k_a,
         file_digest(scene.lattice.file),
+        file_digest(scene.lattice.outline),
         *of_lattice,
     )

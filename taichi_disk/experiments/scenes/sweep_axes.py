@@ -10,9 +10,10 @@ Every combination is one scene. A list of such sections is swept one after the o
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import prod
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from taichi_disk.base.errors import did_you_mean
 from taichi_disk.experiments.config.tree import Entry, Keys, Tree, printable
@@ -30,8 +31,14 @@ FORMS = (
     "a list of values, {lin: [from, to, count]}, {geom: [from, to, count]} or {range:"
     " count}"
 )
-# values of each axis, with the entry for messages
-Axes: TypeAlias = dict[str, list[tuple[Value, Entry]]]
+Home: TypeAlias = tuple[str, str]  # section and key
+
+
+class Axis(NamedTuple):
+    """An axis of one section: its key, and its values with the entries for messages."""
+
+    home: Home
+    values: list[tuple[Value, Entry]]
 
 
 @dataclass(frozen=True)
@@ -39,23 +46,24 @@ class Sweep:
     """Scenes that differ in some keys.
 
     Attributes:
+        axes: the keys that differ, by their names in the file.
         blocks: axes of each section `sweep:`, name to values; a block stands for all
             combinations of its values.
         scenes: all scenes without duplicates; the last axis of a block varies fastest.
     """
 
+    axes: dict[str, Home]
     blocks: tuple[dict[str, tuple[Value, ...]], ...]
     scenes: tuple[Any, ...]
 
-    @property
-    def axes(self) -> list[str]:
-        return list(dict.fromkeys(itertools.chain.from_iterable(self.blocks)))
+    def place_of(self, scene: DiskScene) -> dict[str, Any]:
+        """Return the value of each axis in a scene."""
+        return {name: _value(scene, home) for name, home in self.axes.items()}
 
     def to_yaml(self) -> str:
         """Return the sweep as YAML with all defaults; reading it gives an equal
         sweep."""
-        first = self.scenes[0]
-        swept = [".".join(target_of(first, name) or ()) for name in self.axes]
+        swept = [".".join(home) for home in self.axes.values()]
         lines = ["sweep:"]
         for block in self.blocks:
             start = "  - "
@@ -63,17 +71,17 @@ class Sweep:
                 written = ", ".join(map(yaml_scalar, values))
                 lines.append(f"{start}{name}: [{written}]")
                 start = "    "
-        return first.to_yaml(leave_out=swept) + "\n".join(lines) + "\n"
+        return self.scenes[0].to_yaml(leave_out=swept) + "\n".join(lines) + "\n"
 
 
-def target_of(scene: DiskScene | type[DiskScene], name: str) -> tuple[str, str] | None:
-    """Return (section, key) of the axis `name`, which may be dotted, or None if there
-    is no such key."""
-    return next((home for home in scene.homes(name) if home[0] != "video"), None)
+def _home(kind: type[DiskScene], name: str) -> Home | None:
+    """Return the key that `name`, which may be dotted, means, or None if there is no
+    such key."""
+    return next((home for home in kind.homes(name) if home[0] != "video"), None)
 
 
-def value_of(scene: DiskScene, name: str) -> Any:
-    section, key = target_of(scene, name) or ("", "")
+def _value(scene: DiskScene, home: Home) -> Any:
+    section, key = home
     return getattr(getattr(scene, section), key)
 
 
@@ -98,22 +106,22 @@ def check_sweep(tree: Tree, kinds: Kinds) -> Sweep | None:
         elif kind:
             blocks.append(_axes(kind, block, path, tree))
     if kind and not tree.faults:
-        return _combine(kind, blocks, tree, kinds)
+        return _combine(blocks, tree, kinds)
     check(tree, kinds)
     return None
 
 
 def _axes(
     kind: type[DiskScene], block: dict[str, Any], prefix: Keys, tree: Tree
-) -> Axes:
+) -> dict[str, Axis]:
     axes = {}
     taken: dict[Keys, str] = {}
     for name, spec in block.items():
         path = (*prefix, name)
         mark = tree.entries[path].key
-        target = target_of(kind, name)
-        if target is None:
-            names = [key for key in kind.key_names() if target_of(kind, key)]
+        home = _home(kind, name)
+        if home is None:
+            names = [key for key in kind.key_names() if _home(kind, key)]
             word = name.split(".")[-1]
             hint = ""
             if not tree.is_full:
@@ -124,22 +132,22 @@ def _axes(
                 f"no key of scene: {tree.value['scene']} that can be swept{hint}",
             )
             continue
-        given = tree.entries.get(target)
+        given = tree.entries.get(home)
         is_override = mark.rank > 0
         if given and is_override and given.key.rank == 0:
             # An option replaces what the file says, as for single values.
-            tree.remove(*target)
-        if target in tree.entries or target in taken:
-            other = taken.get(target, "the scene")
+            tree.remove(*home)
+        if home in tree.entries or home in taken:
+            other = taken.get(home, "the scene")
             tree.fault(
                 mark,
                 path,
-                f"{'.'.join(target)} is also given by {other}: leave one of the"
-                " two out",
+                f"{'.'.join(home)} is also given by {other}: leave one of the two out",
             )
-        taken[target] = name
-        whole = kind.sections()[target[0]].schema()[target[1]].kind is int
-        axes[name] = _values(spec, path, whole, tree)
+        taken[home] = name
+        section, key = home
+        whole = kind.sections()[section].schema()[key].kind is int
+        axes[name] = Axis(home, _values(spec, path, whole, tree))
     return axes
 
 
@@ -173,10 +181,10 @@ def _values(
     return [(one, entry._replace(key=entry.value, shown=f"{one:g}")) for one in numbers]
 
 
-def _combine(
-    kind: type[DiskScene], blocks: list[Axes], tree: Tree, kinds: Kinds
-) -> Sweep | None:
-    total = sum(prod(map(len, block.values())) for block in blocks)
+def _combine(blocks: list[dict[str, Axis]], tree: Tree, kinds: Kinds) -> Sweep | None:
+    total = 0
+    for block in blocks:
+        total += prod(len(axis.values) for axis in block.values())
     if total > MAX_SCENES:
         tree.fault(
             tree.entries[("sweep",)].key,
@@ -184,27 +192,29 @@ def _combine(
             f"{total} combinations: at most {MAX_SCENES}",
         )
         return None
+    homes: dict[str, Home] = {}
     checked_blocks = []
     scenes: list[DiskScene] = []
     for block in blocks:
         of_block = []
-        for entries in itertools.product(*block.values()):
+        for entries in itertools.product(*(axis.values for axis in block.values())):
             if tree.is_full:
                 break
             combination = dict(zip(block, entries, strict=True))
             terms = [f"{name}: {value}" for name, (value, _) in combination.items()]
-            combined = _with(kind, tree, combination)
+            combined = _with(tree, zip(block.values(), entries, strict=True))
             scene = check(combined, kinds, where=f" (at {', '.join(terms)})")
             tree.faults.extend(combined.faults)
             if scene is not None:
                 of_block.append(scene)
         values = {}
-        for name, given in block.items():
+        for name, (home, given) in block.items():
+            homes[name] = home
             # as scenes have them, without duplicates
             values[name] = tuple(
-                dict.fromkeys(value_of(scene, name) for scene in of_block)
+                dict.fromkeys(_value(scene, home) for scene in of_block)
             )
-            if of_block and target_of(kind, name) in of_block[0].unused():
+            if of_block and home in of_block[0].unused():
                 what = "has no effect with lattice.file: leave it out"
                 _, first = given[0]
                 tree.fault(first.key, ("sweep", name), what)
@@ -212,18 +222,17 @@ def _combine(
         scenes += of_block
     if tree.faults:
         return None
-    return Sweep(tuple(checked_blocks), tuple(dict.fromkeys(scenes)))
+    return Sweep(homes, tuple(checked_blocks), tuple(dict.fromkeys(scenes)))
 
 
-def _with(
-    kind: type[DiskScene], tree: Tree, chosen: dict[str, tuple[Value, Entry]]
-) -> Tree:
+def _with(tree: Tree, chosen: Iterable[tuple[Axis, tuple[Value, Entry]]]) -> Tree:
+    """Return a tree with one value of each axis."""
     scene = Tree({**tree.value}, {**tree.entries}, folder=tree.folder)
-    for name, (one, entry) in chosen.items():
-        target = section, key = target_of(kind, name) or ("", "")
+    for axis, (one, entry) in chosen:
+        section, key = axis.home
         scene.entries.setdefault((section,), entry)
         present = scene.value.get(section, {})
         if isinstance(present, dict):
             scene.value[section] = {**present, key: one}
-            scene.entries[target] = entry
+            scene.entries[axis.home] = entry
     return scene

@@ -12,7 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from taichi_disk.base.errors import InputError, SimulationError, did_you_mean
+from taichi_disk.base.errors import (
+    InputError,
+    SimulationError,
+    did_you_mean,
+    install_extra,
+)
 from taichi_disk.base.text_files import read_text
 from taichi_disk.mechanics.lattice import custom
 from taichi_disk.mechanics.lattice.files import (
@@ -188,6 +193,42 @@ class Lattice:
         return replace(
             self, masses=_scaled_masses(masses), stiffness=stiffness_or_none(factors)
         )
+
+    @classmethod
+    def outline(
+        cls,
+        outline: str | Path | ArrayLike,
+        points: int,
+        seed: int = 0,
+        min_spacing: float = 0.7,
+    ) -> Lattice:
+        """Fill an outline with random points as `disk` fills the circle: evenly spaced
+        along the outline, whose corners are points, and at random inside.
+
+        The outline has any unit and place: the body gets the area of the disk, pi R^2,
+        so that its 1 M is of the disk's material, and its centroid is the origin.
+
+        Args:
+            outline: (n, 2) points along the closed outline, or a list of such arrays,
+                the smaller ones for holes; or a file of a scene's `lattice.outline`: a
+                table with the columns x and y, or a drawing (.svg).
+            points, seed, min_spacing: as for `disk`.
+
+        Raises InputError if the outline is open, crosses itself, is not one body, or
+        has parts that `points` points cannot resolve; SimulationError as `disk` does.
+        """
+        try:
+            from taichi_disk.mechanics.lattice.outlines import filled
+        except ImportError:
+            install = install_extra("outline")
+            raise InputError(
+                f"outlines need shapely and svgelements: {install}"
+            ) from None
+        x, triangles, note = filled(outline, points, seed, min_spacing)
+        origin = f"seed {seed}"
+        if isinstance(outline, (str, Path)):
+            origin = f"{Path(outline).name}, {origin}"
+        return replace(numbered(x, triangles), origin=origin, notes=(note,))
 
     @classmethod
     def from_points(
@@ -425,6 +466,8 @@ def _stored(arrays: dict[str, Any], origin: str) -> Lattice:
     for word, name in _WORDS.items():
         if word in arrays and name not in arrays:
             arrays[name] = arrays.pop(word)
+    if "t" in arrays:
+        raise InputError("it is a state of a run, whose lattice is in lattice.npz")
     known = {*Lattice.__dataclass_fields__, "velocities", "unloaded", "wall_impedance"}
     for name in sorted(arrays.keys() - known):
         hint = did_you_mean(name, known)

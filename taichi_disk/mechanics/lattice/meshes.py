@@ -4,20 +4,28 @@ from __future__ import annotations
 
 import io
 import re
+from concurrent.futures import BrokenExecutor
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from taichi_disk.base.errors import InputError, install_extra, pip_install, printable
+from taichi_disk.base.processes.pool import Pool, result_of
 from taichi_disk.mechanics.lattice.triangles import Array, Long
 
 # largest extent out of the plane over the mesh's size; in single precision 1e-7 is lost
 _FLATNESS = 1e-6
+# limits of reading: time [s] and memory [MB], and what each MB of the file adds. The
+# process itself takes 600 MB.
+TIME = 30.0
+MEMORY = 4000.0
+MEMORY_FACTOR = 20.0
+Mesh: TypeAlias = tuple[Array, Long, tuple[str, ...]]
 
 
-def read_mesh(path: Path) -> tuple[Array, Long, tuple[str, ...]]:
+def read_mesh(path: Path) -> Mesh:
     """Return points (n, 2) [R] and triangles (t, 3) of a mesh in a plane of two axes,
     and a note on the plane unless it is that of x and y.
 
@@ -25,6 +33,19 @@ def read_mesh(path: Path) -> tuple[Array, Long, tuple[str, ...]]:
     if meshio is missing or cannot read the file, if the mesh is not flat or has cells
     of another kind.
     """
+    # meshio has endless loops for some damaged files, which no signal ends, and may
+    # fill the memory: another process reads.
+    megabytes = path.stat().st_size / 1e6
+    with Pool(1, memory=int(1e6 * (MEMORY + MEMORY_FACTOR * megabytes))) as pool:
+        try:
+            return result_of(pool.submit(_mesh_of, path), TIME + megabytes)
+        except TimeoutError:
+            raise _unreadable("it takes too long") from None
+        except BrokenExecutor as error:
+            raise _unreadable(f"it ends with {error}") from None
+
+
+def _mesh_of(path: Path) -> Mesh:
     mesh = _read(path)
     triangles = _triangles_of(mesh)
     points = np.asarray(mesh.points, np.float64)
@@ -48,7 +69,8 @@ def _read(path: Path) -> Any:
             "a lattice is read from a .csv, .txt, .tsv or .npz file; for meshes meshio"
             f" is needed: {install_extra('export')}"
         ) from None
-    _check(path.read_bytes())
+    if re.search(rb"^\*INCLUDE", path.read_bytes(), re.M | re.I):
+        raise InputError("it includes another file: write both into one (*INCLUDE)")
     # meshio prints why it cannot read a file, and then ends the process.
     printed = io.StringIO()
     try:
@@ -59,23 +81,15 @@ def _read(path: Path) -> Any:
     except (Exception, SystemExit) as error:
         words = " ".join(printed.getvalue().split()) or str(error)
         reason = printable(words, width=200) or f"it is no {path.suffix} file"
-    raise InputError(
+    raise _unreadable(reason)
+
+
+def _unreadable(reason: str) -> InputError:
+    return InputError(
         f"meshio cannot read this file ({reason}): write its points as a table (.csv)"
         " with the columns x and y, or give points and triangles to"
         " Lattice.from_points"
     )
-
-
-def _check(content: bytes) -> None:
-    """Raise InputError for a file with which meshio would fill the memory."""
-    if re.search(rb"^\*INCLUDE", content, re.M | re.I):
-        raise InputError("it includes another file: write both into one (*INCLUDE)")
-    # meshio makes a table of all numbers up to the largest
-    if re.search(rb"\$Nodes.*?^ *[0-9]{9,}\s", content, re.M | re.S):
-        raise InputError(
-            "a node or a triangle has a number above 99,999,999: number them from 1 on"
-            " (RenumberMeshNodes in gmsh)"
-        )
 
 
 def _triangles_of(mesh: Any) -> Long:

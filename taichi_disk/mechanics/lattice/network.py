@@ -29,9 +29,6 @@ Sparse = Any  # scipy.sparse.csr_matrix, which has no type stubs
 
 # degrees of freedom; for fewer, Lanczos iteration is slower or impossible
 _MAX_DENSE_SIZE = 64
-# degrees of freedom; for more, Lanczos iteration takes seconds and has a looser
-# tolerance
-_LARGE_SIZE = 50_000
 # a dense solver is faster if more than this fraction of all modes is requested
 _DENSE_FRACTION = 0.2
 # points of the sample whose moduli are measured
@@ -117,18 +114,15 @@ def largest_eigenvalue(matrix: Sparse, masses: Array) -> float:
         value = np.linalg.eigvalsh(scaled.toarray())[-1]
     else:
         start = np.random.default_rng(0).standard_normal(size)
-        # The error of the eigenvalue is the square of the vector's error, so 1e-6 gives
-        # all the digits kept.
-        tolerance = 1e-12
-        if size >= _LARGE_SIZE:
-            tolerance = 1e-6
         try:
             value = eigsh(
                 scaled,
                 k=1,
                 which="LA",
                 v0=start,
-                tol=tolerance,
+                # The error of the eigenvalue is the square of the vector's, so this
+                # gives all digits that are kept.
+                tol=1e-6,
                 return_eigenvectors=False,
             )[0]
         except ArpackNoConvergence as error:

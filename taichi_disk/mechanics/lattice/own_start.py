@@ -47,14 +47,21 @@ class OwnStart(NamedTuple):
         return digest.hexdigest()
 
     def repeating(self, scene: Any) -> Any:
-        """Return `scene` with the keys that read this initial state from lattice.npz in
-        the folder of the scene."""
+        """Return `scene` with the keys that read this initial state from lattice.npz,
+        and the outline from its copy, in the folder of the scene."""
         files = {}
         if self.disk is not None:
             files["file"] = "lattice.npz"
         if self.velocities is not None:
             files["velocities"] = "lattice.npz"
+        if scene.lattice.outline != "none":
+            files["outline"] = outline_name(scene.lattice)
         return replace(scene, lattice=replace(scene.lattice, **files))
+
+
+def outline_name(section: Any) -> str:
+    """Return the name of the copy of an outline in the folder of a run."""
+    return f"outline{Path(section.outline).suffix.lower()}"
 
 
 def own_start(section: Any, lattice: Lattice | None, velocities: Any) -> OwnStart:

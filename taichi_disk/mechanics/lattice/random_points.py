@@ -43,8 +43,7 @@ def circle_points(
 ) -> Array:
     """Return the points (points, 2) [R] of `Lattice.disk`. Raises InputError or
     SimulationError as it does."""
-    whole_number(points, "lattice.points", MAX_POINTS, MIN_POINTS)
-    whole_number(seed, "lattice.seed", 2**63, 0)
+    check_counts(points, seed)
     for key, fault in circle_faults(points, hole, core):
         raise InputError(f"lattice.{key}: {fault}")
     spacing = least_distance(points, min_spacing) * math.sqrt(1.0 - hole**2)
@@ -81,6 +80,11 @@ def circle_points(
     return np.concatenate([fixed, inside])
 
 
+def check_counts(points: int, seed: int) -> None:
+    whole_number(points, "lattice.points", MAX_POINTS, MIN_POINTS)
+    whole_number(seed, "lattice.seed", 2**63, 0)
+
+
 def rim_points(points: int, hole: float = 0.0) -> int:
     """Return the number of points on the rim for which their spacing equals that of the
     inner points."""
@@ -104,14 +108,25 @@ def rim_spacing(points: int, hole: float = 0.0) -> float:
 def circle_faults(points: int, hole: float, core: float) -> list[tuple[str, str]]:
     """Return (key, message) for a hole or a core radius [R] that `points` points cannot
     resolve."""
-    # 0.99 if `hole` is not a number
-    row = rim_spacing(points, min(0.99, hole))
+    inner = 0.99  # if `hole` is too large, or not a number
+    if hole < inner:
+        inner = hole
+    row = rim_spacing(points, inner)
     least = MIN_EDGE * row / (2.0 * np.pi)
     body = f"{points} points"
-    of_hole = _radius_fault(hole, least, 1.0 - MIN_ROWS * row, body, MIN_ROWS)
+    of_hole = _radius_fault(
+        radius=hole, low=least, high=1.0 - MIN_ROWS * row, body=body, rows=MIN_ROWS
+    )
+    with_hole = body
     if hole:
-        body += f" and a hole of {hole:g} R"
-    of_core = _radius_fault(core, max(least, hole + row), 1.0 - row, body, 1)
+        with_hole = f"{body} and a hole of {hole:g} R"
+    of_core = _radius_fault(
+        radius=core,
+        low=max(least, hole + row),
+        high=1.0 - row,
+        body=with_hole,
+        rows=1,
+    )
     faults = [("hole", of_hole), ("core_radius", of_core)]
     return [(key, fault) for key, fault in faults if fault]
 

@@ -75,7 +75,7 @@ class Program:
         # The user's own laws make fields, too, and may fail.
         with field_builder(ti) as builder:
             self._make_fields(builder, first.factor)
-            owner.call(builder.finalize)
+            owner.make_fields(builder)
             self.switch_to(first)
 
     def _make_fields(self, builder: Any, factor: Dashpots) -> None:

@@ -27,8 +27,9 @@ from taichi_disk.base.processes.pool import Pool, result_of
 _DRAWING_TIME = 60.0
 _TRIAL_TIME = 20.0  # after this time a driver hangs [s]; to load all takes 0.1 s
 WAITING = 6  # calls that may wait for the second process
-HAS_SHARED_MEMORY = hasattr(os, "memfd_create")  # Linux
 
+# whether this system has given memory for every SharedArray
+_shares_memory = True
 # the object whose methods this process calls, see `Artist.employ`
 _employed: list[Any] = []
 
@@ -79,7 +80,7 @@ class Artist:
         end; then the second process ends, so that it writes nothing any more.
         """
         executor: Any = self._pool
-        if executor is None or not HAS_SHARED_MEMORY:
+        if executor is None or not _shares_memory:
             executor = _Thread(1)
         waiting = deque[Future[None]]()
 
@@ -123,11 +124,15 @@ class SharedArray(np.memmap[Any, Any]):
 
 def shared_array(shape: tuple[int, ...]) -> NDArray[np.uint8]:
     """Return a new SharedArray, or another array if this system has none."""
-    if not HAS_SHARED_MEMORY:
+    global _shares_memory
+    try:  # other systems than Linux have none; a sandbox or `ulimit -f` may refuse it
+        file = os.fdopen(os.memfd_create("pictures"), "w+b")
+        name = f"/proc/{os.getpid()}/fd/{file.fileno()}"
+        array = SharedArray(name, np.uint8, "w+", 0, shape)
+    except (AttributeError, OSError):
+        _shares_memory = False
         return np.empty(shape, np.uint8)
-    file = os.memfd_create("pictures")
-    array = SharedArray(f"/proc/{os.getpid()}/fd/{file}", np.uint8, "w+", 0, shape)
-    finalize(array, os.close, file)
+    finalize(array, file.close)
     return array
 
 

@@ -9,11 +9,12 @@ from pathlib import Path
 
 from taichi_disk.base.errors import NOTICES, InputError
 from taichi_disk.base.files import atomic_write, check_pictures
+from taichi_disk.base.processes.early import draw_early
 from taichi_disk.base.progress import Progress
 from taichi_disk.base.signals import raise_if_interrupted
 from taichi_disk.experiments.config.sections import VideoSection
 from taichi_disk.experiments.scenes.scene import origin
-from taichi_disk.pictures.panel import PanelScene
+from taichi_disk.pictures.panel import PanelScene, draw_panel
 from taichi_disk.pictures.render.artist import Artist
 from taichi_disk.pictures.render.letters import Letters, lacking
 from taichi_disk.pictures.render.moments import (
@@ -118,6 +119,7 @@ def draw_film(
     has_room = size >= max(_MIN_PANEL_SIZE, _MIN_PANEL_LINES * letters.text.size)
     if video.panel and len(runs) == 1 and has_room:
         panel = panel_scene(runs[0], letters)
+        artist.begin(draw_early, draw_panel, panel)  # while pictures are arranged
     progress("render", 0, len(words[0]))
 
     def write(new: Path) -> None:
@@ -161,7 +163,7 @@ def storyboard(
         strengths = [1.0 for _ in runs]
     if frames == 1:
         note = MOMENTS.get(str(span.at), "")
-        shots = [Caption(time_of(span.at, runs[0].series), note)]
+        shots = [Caption(time_of(span.at, runs[0]), note)]
     else:
         # No disk flies higher than in a film of its own, unless another run goes on.
         start = max(one.start for one in flights)

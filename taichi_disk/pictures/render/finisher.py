@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from taichi_disk.base.processes.early import picture_of
 from taichi_disk.pictures.panel import PanelPictures, PanelScene, Picture, draw_panel
 from taichi_disk.pictures.render.letters import Line
 from taichi_disk.pictures.render.marks import Mark, stamp
@@ -63,7 +64,7 @@ class Finisher:
         self._still = self.still.view(np.uint32)[..., 0]
         self._image, self._draw = canvas(self._picture)
         if self.panel:
-            self._curves = draw_panel(self.panel)
+            self._curves = picture_of(draw_panel, self.panel)
         self._file = ExitStack()
         film = video(path, form, (width, height), fps, origin)
         self._append = self._file.enter_context(film)
@@ -141,8 +142,9 @@ def shrunk(pixels: Picture, samples: float) -> Picture:
     area of a pixel."""
     if samples == 1.0:
         return pixels
-    width, height, _ = pixels.shape
-    image = Image.frombuffer("RGBX", (height, width), pixels, "raw", "RGBX", 0, 1)
-    # twice as large first, because `reduce` takes whole numbers
-    twice = image.resize((2 * height, 2 * width), Image.Resampling.NEAREST)
+    rows, columns, _ = pixels.shape
+    size = columns, rows
+    image = Image.frombuffer("RGBX", size, pixels, "raw", "RGBX", 0, 1)
+    # `reduce` takes whole numbers only, and `samples` may be 1.5.
+    twice = image.resize((2 * columns, 2 * rows), Image.Resampling.NEAREST)
     return np.asarray(twice.reduce(round(2.0 * samples)))

@@ -12,11 +12,6 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.base.errors import InputError
-from taichi_disk.experiments.computation.contact import (
-    CONTACT_LEVEL,
-    contact_interval,
-    greatest_compression,
-)
 from taichi_disk.experiments.computation.outcome import Outcome
 from taichi_disk.mechanics.lattice import Array
 from taichi_disk.pictures.plot import last_motion
@@ -91,24 +86,25 @@ class Span:
 WHOLE = Span()
 
 
-def time_of(moment: Any, columns: dict[str, Array]) -> float:
+def time_of(moment: Any, run: Run) -> float:
     """Return the time [R/c] of a moment. Raises InputError for a time outside the run
     or an unknown word."""
-    last = float(columns["t"][-1])
-    force = columns["wall_force"]
-    contact = (force >= CONTACT_LEVEL * force.max()).argmax()
+    last = float(run.series["t"][-1])
     named = {
-        "greatest": greatest_compression(columns),
-        "contact": columns["t"][contact],
+        "greatest": run.contact.greatest,
+        "contact": run.contact.first_sample,
         "end": last,
     }
+    number = moment
+    if isinstance(moment, str):
+        number = named.get(moment, moment)
     t = np.nan
-    with suppress(TypeError, ValueError):
-        t = float(named.get(moment, moment))
+    with suppress(TypeError, ValueError, OverflowError):
+        t = float(number)
     if not 0.0 <= t <= last * (1.0 + 1e-12):
         raise InputError(
             f"no moment {moment}: write {', '.join(MOMENTS)}, or a time within the run,"
-            f" 0 to {last:.6g} R/c"
+            f" 0 to {last:.6g} R/c; a larger impact.gap ends an impact later"
         )
     return min(t, last)
 
@@ -121,9 +117,9 @@ def curve_span(run: Run) -> tuple[float, float]:
     t = run.series["t"]
     if not run.scenario.is_thrown:
         return float(t[0]), last_motion(run.series)
-    start, end = contact_interval(run.series)
-    beside = BESIDE_CONTACT * (end - start)
-    return start - beside, min(end + beside, float(t[-1]))
+    contact = run.contact
+    beside = BESIDE_CONTACT * (contact.end - contact.start)
+    return contact.start - beside, min(contact.end + beside, float(t[-1]))
 
 
 def film_times(
@@ -135,9 +131,8 @@ def film_times(
     scenario = longest.scenario
     if not scenario.is_thrown or scenario.scene.impact.bounces > 1:
         return longest.scenario.frame_times(longest.series, _PACE_TIMES)
-    contacts = np.array([contact_interval(run.series) for run in runs])
-    first = contacts[:, 0].min()
-    second = contacts[:, 1].max()
+    first = min(run.contact.start for run in runs)
+    second = max(run.contact.end for run in runs)
     beside = _AROUND_CONTACT * (second - first)
     first, second = np.clip([first - beside, second + beside], *whole)
     t = np.linspace(*whole, _PACE_TIMES)
@@ -172,21 +167,20 @@ def cues(
         last_part = _RINGING_END
         second_flight = _RINGING_FLIGHT
     longest = max(runs, key=lambda run: float(run.series["t"][-1]))
-    columns = longest.series
     first, last = whole
     if span.start is not None:
-        first = time_of(span.start, columns)
+        first = time_of(span.start, longest)
     if span.end is not None:
-        last = time_of(span.end, columns)
+        last = time_of(span.end, longest)
     if not first < last:
         raise InputError(
             f"a film must end after it begins; this one goes from {first:.6g} to"
             f" {last:.6g} R/c"
         )
-    peak = greatest_compression(columns)
+    peak = longest.contact.greatest
     start = round(_START * frames) if first == whole[0] else 0
     pause = round(_PAUSE * frames) if first <= peak <= last else 0
-    end = max(round(last_part * frames), 1) if last >= columns["t"][-1] else 0
+    end = max(round(last_part * frames), 1) if last >= longest.series["t"][-1] else 0
     moving = frames - start - pause - end
     # A part of a film keeps the pace of the whole.
     every = film_times(whole, runs, longest, second_flight)
@@ -228,11 +222,10 @@ def ringing(run: Run) -> float:
     if not scenario.is_thrown or len(scenario.lattice.wall_surface):
         return 1.0
     columns = run.series
-    _, end = contact_interval(columns)
     elastic = columns["elastic"]
     dissipated = columns["dissipated"]
     left = max(columns["vibration"][-1] + elastic[-1], 1e-300)
-    lost = dissipated[-1] - np.interp(end, columns["t"], dissipated)
+    lost = dissipated[-1] - np.interp(run.contact.end, columns["t"], dissipated)
     # half of the energy of a vibration is elastic
     factor = round(RINGING * math.sqrt(2.0 * elastic.max() / left))
     if factor > FAINT or lost > DAMPED * left:
@@ -247,19 +240,18 @@ def captions(
     `ringing`, which grows from 1 over `ease` pictures."""
     columns = run.series
     scenario = run.scenario
-    peak = greatest_compression(columns)
+    peak = run.contact.greatest
     result_time = columns["t"][-1]
     if scenario.is_thrown:
-        _, result_time = contact_interval(columns)
+        result_time = run.contact.end
     result = scenario.words.marks[0].format(**scenario.result(columns))
     _, curves_end = curve_span(run)
+    times = [shot.t for shot in shots]
+    rows = {name: np.interp(times, columns["t"], columns[name]) for name in columns}
     found = []
     after = 0  # number of pictures since the result
-    for shot in shots:
-        row = {
-            name: np.interp(shot.t, columns["t"], each)
-            for name, each in columns.items()
-        }
+    for k, shot in enumerate(shots):
+        row = {name: values[k] for name, values in rows.items()}
         time, *lines = scenario.caption(row | {"t": shot.t})
         note = shot.note
         shown_result = ""

@@ -197,7 +197,8 @@ class Pictures:
             image = self._window.get_image_buffer_as_numpy()
             place = next(self._places)
             # GGUI made k/255 of each byte k, so 255.5 times this lies from k to k + 1.
-            np.multiply(image, 255.5, out=self._images[place], casting="unsafe")
+            image *= 255.5
+            self._images[place] = image
             marks = painter.marks(self._whole, x, v, placed, self._letters.unit)
             drawn.append((place, marks))
         return drawn

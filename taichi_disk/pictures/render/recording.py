@@ -10,10 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.experiments.computation.contact import (
-    contact_interval,
-    greatest_compression,
-)
 from taichi_disk.experiments.computation.driver import State
 from taichi_disk.mechanics.fields import Triangles, at_points
 from taichi_disk.mechanics.lattice import Array
@@ -136,8 +132,8 @@ class Recording:
         wall: Any = scenario.model.wall  # every scene has one
         self.run = run
         self.times = np.unique(times)
-        peak = greatest_compression(run.series)
-        start = min(contact_interval(run.series)[0], peak)
+        peak = run.contact.greatest
+        start = min(run.contact.start, peak)
         count = SCALE_TIMES if len(self.times) > 1 else 1
         scale_times = np.union1d(self.times[0], np.linspace(peak, start, count))
         all_times = np.unique([start, *scale_times, *self.times])

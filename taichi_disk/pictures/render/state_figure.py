@@ -58,7 +58,7 @@ def draw_state(
         raise InputError(
             f"ax: must be axes of Matplotlib, as plt.subplots() returns, not {ax!r:.60}"
         )
-    moment = time_of(t, run.series)
+    moment = time_of(t, run)
     states = Recording(Flight.of(run, 0.0), [moment], [video.colour])
     style = STYLE
     if ax is not None:
@@ -76,7 +76,7 @@ def draw_state(
         name, _, unit = run.scenario.words.time.partition("  ")
         title = f"{name} = {moment:.4g} {unit.strip('[]')}".strip()
         ax.set(xlabel="x  [R]", ylabel="y  [R]", title=title)
-        whole: Any = ax.figure.figure  # also of a part of a figure
+        whole: Any = ax.figure.figure  # `ax` may be in a subfigure
         whole.draw_without_rendering()
     return whole
 

@@ -4,7 +4,6 @@ import { Colours } from "./colours.js";
 import { digits } from "./controls.js";
 import { decoded } from "./draw.js";
 import { FRINGES } from "./legend.js";
-import { thrown } from "./stepper.js";
 
 const LEAST_FORCE = 0.01; // on a point, over the full one, that has an arrow
 
@@ -43,18 +42,17 @@ export function diskOf(message, { springs, triangles, outline }) {
   return { ...disk, colours: new Colours(disk) };
 }
 
-// Attributes: those of a recording, and the `flight`; `folded`: number of triangles turned inside out.
+// Attributes: those of a recording; the `flight`, of stepper.js, and the `duration` of its computation
+// [ms]; `folded`: number of triangles turned inside out.
 export class Again {
-  constructor(disk, film, v, etaStar) {
-    const began = performance.now();
-    const flight = thrown(disk, v, etaStar);
-    this.duration = performance.now() - began;
+  constructor(disk, film, flight, duration) {
+    const { speed: v, etaStar } = flight;
     const [first] = flight.states;
     const early = Math.min((flight.gap - disk.top) / v, -1e-6);
     const moved = first.x.map((one, i) => one - (i % 2) * v * early);
     this.states = [{ ...first, t: early, com_y: first.com_y - v * early, x: moved }, ...flight.states];
     this.times = this.states.map(({ t }) => t);
-    Object.assign(this, { disk, flight, v, limits: {}, moments: flight.moments });
+    Object.assign(this, { disk, flight, duration, v, limits: {}, moments: flight.moments });
     const [start, , end] = flight.moments;
     this.end = Math.min(end + disk.rules.besideContact * (end - start), flight.rows[flight.end].t);
     this.centre = disk.masses.reduce((sum, m, i) => sum + m * first.x[2 * i], 0);

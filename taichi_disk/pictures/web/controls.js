@@ -5,10 +5,13 @@ import { element } from "./html.js";
 const DEGREE = 180 / Math.PI;
 export const digits = (value, count = 6) => String(Number(value.toPrecision(count)));
 
-// Return the number that a text is, as a whole: with a point or a comma, or a fraction; else NaN. A
-// comma before three digits may mean thousands, so it is not read.
+export const notRead = (text) => `“${text.slice(0, 40)}” is not read as a number: write 0.02, 2e-2 or 1/50`;
+
+// Return the number that a text is, as a whole: with a point or a comma, a fraction, or per cent; else
+// NaN. A comma before three digits may mean thousands, so it is not read.
 export function readNumber(text) {
   const plain = text.normalize("NFKC").replace(/[−–]/g, "-").trim();
+  if (plain.endsWith("%")) return readNumber(plain.slice(0, -1)) / 100;
   const parts = plain.split(/\s*[/\u2044]\s*/);
   const isNumber = (part) => /^[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?$/i.test(part);
   const isUnclear = parts.some((part) => /^[-+]?[1-9]\d{0,2},\d{3}$/.test(part));
@@ -52,7 +55,7 @@ class Slider {
         this.edited = null;
         const value = readNumber(field.value.replace(/\s*°$/, ""));
         if (Number.isNaN(value)) {
-          say(`“${field.value}” is not read as a number: write 0.02, 2e-2 or 1/50`);
+          say(notRead(field.value));
           this.show(this.spec);
         } else set(key, Number(digits(field === this.degrees ? value / DEGREE : value)));
       };

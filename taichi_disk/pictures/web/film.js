@@ -316,6 +316,7 @@ async function play() {
   }
 
   function show() {
+    if (!curves) return; // of a first throw that is not there yet
     const [{ recording: main }] = panes;
     const at = between(main.cues, place);
     const words = main.captions[Math.round(place)];
@@ -339,7 +340,7 @@ async function play() {
       drawing.draw({ ...state, ...limits });
     }
     curves.draw(at, settings.theme, scene.themes[settings.theme]);
-    throws?.judge(words[1].startsWith("*") ? main.flight.restitution : 0);
+    if (throws && words[1].startsWith("*")) throws.judge(main.flight.restitution);
     ui.moment.value = place;
     ui.moment.ariaValueText = words.filter(Boolean).map(bare).join(", ");
   }
@@ -404,9 +405,7 @@ async function play() {
     },
     (text) => (ui.refused.textContent = text),
   );
-  ui.looking.open = matchMedia(
-    "(min-width: 960px) and (min-height: 601px)",
-  ).matches;
+  ui.looking.open = matchMedia("(min-width: 960px) and (min-height: 601px)").matches;
   ui.silent.remove();
   document.querySelector("main").ariaBusy = false;
   ui.moment.max = last;
@@ -420,20 +419,28 @@ async function play() {
     show();
   };
   ui.moment.oninput = () => goTo(Number(ui.moment.value));
-  ui.play.onclick = () => setPlaying(!isPlaying);
-  new IntersectionObserver(([entry]) => (isVisible = entry.isIntersecting)).observe(
-    document.body,
-  ); // in a frame
+  ui.play.onclick = () => {
+    if (place === last) place = 0;
+    setPlaying(!isPlaying);
+  };
+  const seen = new IntersectionObserver(([entry]) => (isVisible = entry.isIntersecting));
+  seen.observe(document.body); // in a frame
   const resized = new ResizeObserver(arrange);
   for (const one of [ui.disks, ui.graphs]) resized.observe(one);
   setPlaying(!matchMedia("(prefers-reduced-motion: reduce)").matches);
   if (head.again) throws = new Throws(ui, head, panes[0].drawing.scene, takeThrow);
   else take(runs.map((run) => new Recording(run, data, head)));
+  if (head.elsewhere) {
+    ui.throws.replaceChildren(head.elsewhere);
+    ui.throws.hidden = false;
+  }
   change();
   arrange();
   requestAnimationFrame(function next(now) {
-    if (isPlaying && isVisible) {
+    if (isPlaying && isVisible && curves) {
       place += Math.min((now - before) / 1000, 0.1) * fps * settings.speed;
+      // A throw stops at its end.
+      if (place > last && throws) goTo(last);
       if (place > last) place = 0;
       show();
     }
@@ -443,5 +450,5 @@ async function play() {
 }
 
 play().catch((error) => {
-  document.getElementById("silent").textContent = `This film cannot be played: ${error.message}`;
+  document.getElementById("silent")?.append(` (${error.message})`);
 });

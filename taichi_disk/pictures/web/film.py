@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_disk.base.errors import NOTICES
 from taichi_disk.base.files import write_text
 from taichi_disk.base.progress import Progress
 from taichi_disk.base.signals import raise_if_interrupted
@@ -43,7 +44,7 @@ from taichi_disk.pictures.web.drawing import (
     scene_message,
     source,
 )
-from taichi_disk.pictures.web.throws import throwable
+from taichi_disk.pictures.web.throws import command, throwable, thrown_disk
 
 _LEVELS = 32_000  # levels of a displacement on either side of zero
 # codes of a colour for zero and for the largest value
@@ -77,9 +78,15 @@ def write_page(
     times = [caption.t for caption in words[0]]
     states = [Recording(one, times, list(QUANTITIES)) for one in flights]
     again = None
-    if len(runs) == 1 and span == WHOLE:
-        again = throwable(flights[0], video)
-    packed = _packed(states, words, video, names, rate, again, progress)
+    elsewhere = ""
+    if len(runs) == 1 and span == WHOLE and throwable(flights[0]):
+        again = thrown_disk(flights[0], video)
+        if not again:
+            line = command(runs[0].scenario.scene)
+            elsewhere = f"This disk is too large to be thrown here. Its throw: {line}"
+    if video.goal != "none" and not again:
+        NOTICES.warning("video.goal: no task, because this page throws no disk")
+    packed = _packed(states, words, video, names, rate, again, elsewhere, progress)
     text = Template(source("film.html")).substitute(
         title=escape(" | ".join(title[0] for title in names)),
         origin=escape(film_origin(runs, video)),
@@ -98,11 +105,13 @@ def _packed(
     names: Sequence[tuple[str, ...]],
     rate: float,
     again: dict[str, Any] | None,
+    elsewhere: str,
     progress: Progress,
 ) -> bytes:
     """Return the compressed head, in JSON, and the arrays of all runs.
 
-    `again`: the disk that the page throws itself, instead of recorded states.
+    `again`: the disk that the page throws itself, instead of recorded states;
+    `elsewhere`: how to throw a disk that is too large for that.
     """
     common = Scales.of(states, video.magnify)
     video = replace(video, magnify=common.magnify)
@@ -145,6 +154,7 @@ def _packed(
         "curves": _curves(states),
         "runs": runs,
         "again": again,
+        "elsewhere": elsewhere,
     }
     text = json.dumps(head).encode()
     text += b" " * _padding(text)
@@ -181,7 +191,7 @@ def _marks(run: Run, times: Sequence[float]) -> list[list[Any]]:
     stands for."""
     marks = []
     for moment in ("contact", "greatest"):
-        t = time_of(moment, run.series)
+        t = time_of(moment, run)
         if times[0] < t < times[-1]:
             marks.append([int(np.searchsorted(times, t)), MOMENTS[moment]])
     return marks

@@ -36,18 +36,22 @@ function openStore() {
 
 export const store = openStore();
 
-// Copy a text; a page that came by plain http and some frames have no clipboard, but can copy a
-// selection.
-export async function copy(text) {
+// Copy a text, and `tell` that it is `done`. A page that came by plain http and some frames have no
+// clipboard, but can copy a selection; where that is forbidden, too, the selected text is shown.
+export async function copy(text, tell, done) {
   try {
     await navigator.clipboard.writeText(text);
   } catch {
-    const field = element("textarea", { value: text });
-    document.querySelector("main").append(field);
+    const field = element("textarea", { value: text, readOnly: true, className: "copied" });
+    document.querySelector("dialog[open], main").append(field);
     field.select();
-    document.execCommand("copy");
+    if (!document.execCommand("copy")) {
+      field.onblur = () => field.remove();
+      return tell("This browser copies nothing by itself: copy the selected text.");
+    }
     field.remove();
   }
+  tell(done);
 }
 
 export function download(content, name, type) {

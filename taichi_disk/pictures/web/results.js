@@ -181,7 +181,7 @@ export function showDiagram(plot, caption, results, { title, range, fitted }) {
 const COLUMNS = {
   result: "result",
   value: "value",
-  load: "v [c], P [Mc²/R]",
+  load: "",
   angle: "angle [rad]",
   spin: "spin [c/R]",
   turn: "turn [rad]",
@@ -195,6 +195,8 @@ const COLUMNS = {
   disturbance: "disturbed",
 };
 
+const LOADS = { e: "v [c]", xi: "P [Mc²/R]" }; // by their results
+
 // Return a value of the table as text: a result as far as another lattice would leave it.
 function written(key, value, result) {
   if (typeof value !== "number") return value ?? "";
@@ -207,6 +209,8 @@ export function showResults(table, results) {
   const none = "Finished experiments are listed here.";
   if (!results.length) return table.replaceChildren(element("caption", {}, none));
   const keys = Object.keys(COLUMNS).filter((key) => results.some((one) => one[key]));
+  const loads = Object.entries(LOADS).filter(([kind]) => results.some(({ result }) => result === kind));
+  const names = { ...COLUMNS, load: loads.map(([, name]) => name).join(", ") };
   const row = (cells) => element("tr", {}, ...cells);
   const colours = new Map();
   for (const set of inSets(results)) {
@@ -223,7 +227,7 @@ export function showResults(table, results) {
     remove.dataset.remove = k;
     return row([...cells, element("td", {}, remove)]);
   });
-  const head = row(keys.map((key) => element("th", { scope: "col" }, COLUMNS[key])));
+  const head = row(keys.map((key) => element("th", { scope: "col" }, names[key])));
   table.replaceChildren(element("thead", {}, head), element("tbody", {}, ...rows.reverse()));
 }
 

@@ -12,20 +12,23 @@ const MAX_WORST = 1e-4;
 const MAX_ATTEMPTS = 8;
 const LONGEST_ROW = 0.05; // time between rows [R/c, for k_a = 1]
 const PART_TO_WAIT = 0.5; // of the time that a disk needs to leave
-const MOST_WORK = 6e7; // springs times steps, half a second
+const USUAL_E = 0.8; // for the estimate of a time, as is this:
+const TIME_OF_CONTACT = 8; // [R/c]
 
 // Return the throw of a disk with the speed v [c] and the dashpots eta = etaStar/n, and its flight until
-// it is as high as `disk.top` [R]. It is repeated with a shorter step if the step was too long.
-export function thrown(disk, v, etaStar) {
-  let choice = { force: estimatedForce(disk, v), safety: disk.safety, excess: Infinity, work: 0 };
+// it is as high as `disk.top` [R]. It is repeated with a shorter step if the step was too long. After
+// each row yield about how much of it is done, from 0 to 1.
+export function* throwing(disk, v, etaStar) {
+  let choice = { force: estimatedForce(disk, v), safety: disk.safety, excess: Infinity };
   for (let attempt = 1; ; attempt++) {
     const one = new Throw(disk, v, etaStar, choice);
-    one.advance(() => one.end);
+    const end = (one.gap / v) * (1 + 1 / USUAL_E) + TIME_OF_CONTACT;
+    yield* one.advance(() => one.end, end + Math.min(disk.top / (USUAL_E * v), end));
     choice = one.shorterStep();
     if (choice && attempt < MAX_ATTEMPTS) continue;
     const { com_vy, lowest, t } = one.rows.at(-1);
     const until = t + Math.min((disk.top - lowest) / com_vy, t); // as long again at most
-    one.advance(() => one.rows.at(-1).t >= until);
+    yield* one.advance(() => one.rows.at(-1).t >= until, until);
     return one;
   }
 }
@@ -55,8 +58,7 @@ class Throw {
     const { positions, masses, springs, a, k_a, rest } = disk;
     Object.assign(this, { disk, speed, etaStar, choice, rest, eta: etaStar / masses.length });
     // The wall's potential over the kinetic energy is that of the disk's own throw.
-    const rise = Math.max((2 / a) * Math.log(disk.velocity / speed), 1 / a - disk.gap);
-    this.gap = disk.gap + (disk.gap_is_auto ? rise : 0);
+    this.gap = disk.gap + (2 / a) * Math.log(disk.velocity / speed);
     this.x = positions.map((one, i) => one + (i % 2) * (this.gap - disk.gap));
     this.v = positions.map((_, i) => (i % 2) * -speed);
     this.u = this.v.slice(); // predicted velocities, for the dashpots
@@ -85,15 +87,12 @@ class Throw {
     return 2 / (rate + Math.sqrt(rate ** 2 + omega ** 2 + (a * force) / lightest));
   }
 
-  // Make steps until `isDone`, which is asked after each row.
-  advance(isDone) {
-    const numbers = `--set impact.velocity=${this.speed} --set material.eta_star=${this.etaStar}`;
+  // Make steps until `isDone`, which is asked after each row; `until`: the expected time [R/c].
+  *advance(isDone, until) {
     while (!isDone() && !this.isLost) {
       for (let k = 0; k < this.stride; k++) this.step();
-      this.choice.work += this.stride * this.rest.length;
-      if (this.choice.work > MOST_WORK)
-        throw new Error(`That would take seconds here: taichi-disk run exponential_wall ${numbers}`);
       this.observe();
+      yield Math.min(this.rows.at(-1).t / until, 0.99);
     }
   }
 
@@ -148,25 +147,34 @@ class Throw {
 
   // Add a row of what is measured, keep the state, and judge whether the disk has left.
   observe() {
-    const { x, v, f, inverse, dt, disk, reach, elastic, lost, peakForce, rows } = this;
-    const row = { t: this.steps * dt, com_y: 0, com_vy: 0, lowest: Infinity, wall: 0, elastic, dissipated: lost, peakForce };
+    const { x, v, f, inverse, dt, disk, reach, elastic, lost: dissipated, peakForce, rows } = this;
     const now = new Float32Array(x.length);
-    let kinetic = 0;
-    for (let i = 0; i < x.length; i++) {
+    let [com_x, com_y, com_vx, com_vy, wall, lowest] = [0, 0, 0, 0, 0, Infinity];
+    let [kinetic, moment] = [0, 0]; // moment: angular momentum
+    for (let i = 0; i < x.length; i += 2) {
       const mass = disk.masses[i >> 1];
-      const velocity = v[i] + 0.5 * dt * inverse[i] * f[i]; // after the step's last kick
-      now[i] = velocity;
-      kinetic += 0.5 * mass * velocity ** 2;
-      if (i % 2 === 0) continue;
-      row.com_y += mass * x[i];
-      row.com_vy += mass * velocity;
-      if (x[i] < row.lowest) row.lowest = x[i];
-      if (x[i] < reach) row.wall += disk.V0 * Math.exp(-disk.a * x[i]);
+      const kick = 0.5 * dt * inverse[i]; // the step's last
+      const vx = v[i] + kick * f[i];
+      const vy = v[i + 1] + kick * f[i + 1];
+      const y = x[i + 1];
+      now[i] = vx;
+      now[i + 1] = vy;
+      kinetic += 0.5 * mass * (vx * vx + vy * vy);
+      moment += mass * (x[i] * vy - y * vx);
+      com_x += mass * x[i];
+      com_y += mass * y;
+      com_vx += mass * vx;
+      com_vy += mass * vy;
+      if (y < lowest) lowest = y;
+      if (y < reach) wall += disk.V0 * Math.exp(-disk.a * y);
     }
-    row.wall_force = disk.a * row.wall;
-    row.translation = 0.5 * row.com_vy ** 2;
-    row.vibration = kinetic - row.translation;
-    row.total = kinetic + elastic + row.wall + lost;
+    const spin = (moment - com_x * com_vy + com_y * com_vx) / disk.inertia;
+    const row = { t: this.steps * dt, com_y, com_vy, lowest, spin, elastic, wall, dissipated, peakForce };
+    row.translation = 0.5 * (com_vx ** 2 + com_vy ** 2);
+    row.rotation = 0.5 * disk.inertia * spin ** 2;
+    row.vibration = kinetic - row.translation - row.rotation;
+    row.total = kinetic + elastic + wall + dissipated;
+    row.wall_force = disk.a * wall;
     const isPicture = rows.length % this.thinning === 0;
     if (isPicture) this.states.push({ ...row, x: new Float32Array(x), v: now });
     rows.push(row);
@@ -178,13 +186,15 @@ class Throw {
     if (!this.end) this.judge(row);
   }
 
-  judge({ com_vy, lowest, vibration, elastic }) {
+  judge({ com_y, com_vy, lowest, vibration, elastic, spin }) {
     const { gap, disk } = this;
     const hasTurned = com_vy > 0 && lowest >= gap;
     this.wait = hasTurned ? Math.max(this.wait - 1, 0) : 0;
     if (!hasTurned || this.wait) return;
     const amplitude = Math.sqrt(2 * Math.max(vibration + elastic, 0) * disk.compliance);
-    const remaining = Math.max(gap + Math.min(amplitude, 2 * disk.radius) - lowest, 0) / com_vy;
+    const isFast = Math.abs(spin) * disk.radius > com_vy;
+    const bottom = isFast ? Math.min(lowest, com_y - disk.radius) : lowest;
+    const remaining = Math.max(gap + Math.min(amplitude, 2 * disk.radius) - bottom, 0) / com_vy;
     if (!remaining) this.end = this.rows.length - 1;
     this.wait = Math.max(1, Math.floor((PART_TO_WAIT * remaining) / (this.stride * this.dt)));
   }

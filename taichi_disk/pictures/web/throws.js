@@ -1,56 +1,76 @@
 // Throws of a film's disk with other numbers: sliders, the address of a throw, its task, and a table.
 
 import { Again, diskOf } from "./again.js";
-import { Controls, digits } from "./controls.js";
-import { copy } from "./html.js";
+import { Controls, digits, notRead, readNumber } from "./controls.js";
+import { copy, store } from "./html.js";
 import { asText, showDiagram, showResults } from "./results.js";
+import { throwing } from "./stepper.js";
 
-// Words for the distance of e from the one that is wanted.
-const VERDICTS = [
-  [0.003, "★★★ Exactly!"],
-  [0.01, "★★ So close!"],
-  [0.03, "★ Near."],
-];
+const EXACT = "★★★ ";
+const STARS = [[0.003, EXACT], [0.01, "★★ "], [0.03, "★ "]]; // for the distance of e from the goal
 const NUMBERS = [
   { key: "v", name: "speed", symbol: "v", unit: "c", of: "impact.velocity" },
   { key: "eta", name: "viscosity", symbol: "η*", unit: "", of: "material.eta_star" },
 ];
+// names of the numbers in an address, and what is between two numbers, as people write and programs change it
+const ADDRESS_NAMES = [
+  ["v", "velocity", "impact.velocity"],
+  ["eta", "eta_star", "material.eta_star", "η*", "η"],
+  ["goal", "video.goal"],
+];
+const BETWEEN = /&amp;|[&;]|[\s,]+(?=[^\s=&;,]+\s*=)/;
+const LONGEST = 300; // letters of an address that are read
+const USUAL_GOAL = 0.9;
 // what a row of results.js has beside a throw's numbers
 const ROW = { result: "e", wall: null, a: null, points: null, angle: 0, spin: 0, friction: 0 };
+const SLICE = 20; // time between two answers of the page [ms]
+const PATIENCE = 300; // time after which the page shows how far a throw is [ms]
 
-// Return the numbers in an address.
-function numbersOf(address) {
-  const words = new URLSearchParams(address.slice(address.indexOf("#") + 1));
-  return Object.fromEntries([...words].map(([key, text]) => [key, parseFloat(text)]));
+// Return the numbers in an address, and sentences about what is not read.
+function readAddress(address) {
+  const numbers = {};
+  const faults = [];
+  const end = address.slice(address.indexOf("#") + 1);
+  const unread = end.length > LONGEST ? [`what follows ${LONGEST} letters`] : [];
+  // URLSearchParams decodes, without an error for what is no code.
+  const text = end.slice(0, LONGEST).replace(/[&+]/g, encodeURIComponent);
+  const parts = new URLSearchParams(`all=${text}`).get("all").split(BETWEEN);
+  for (const part of parts.filter((one) => one.trim())) {
+    const [name, value = ""] = part.split(/=(.*)/s).map((one) => one.trim());
+    const key = ADDRESS_NAMES.find((names) => names.includes(name.toLowerCase()))?.[0];
+    const number = key === "goal" && value === "none" ? 0 : readNumber(value);
+    if (!key || key in numbers) unread.push(key ? `${name}, a second time` : name.slice(0, 40));
+    else if (Number.isNaN(number)) faults.push(`${name}: ${notRead(value)}.`);
+    else numbers[key] = number;
+  }
+  if (unread.length) faults.push(`Not read: ${unread.join(", ").slice(0, 200)}; write v, eta, goal.`);
+  return { numbers, faults };
 }
 
+// Attributes: rows, of all throws; goal: part of its speed with which the disk is to come back, or 0;
+// e: of the throw that the film shows, once it has shown it.
 export class Throws {
-  rows = [];
-
   // `take` is called with each throw, which the film then shows
   constructor(ui, film, scene, take) {
-    const { sliders, velocity, eta_star } = film.again;
-    Object.assign(this, { ui, film, take, disk: diskOf(film.again, scene) });
-    this.wanted = { v: velocity, eta: eta_star };
+    const { sliders, velocity: v, eta_star: eta, goal } = film.again;
+    Object.assign(this, { ui, film, take, disk: diskOf(film.again, scene), own: { v, eta, goal } });
+    this.tell = (text) => (ui.told.textContent = text);
+    this.place = `taichi-disk throws ${ui.states.textContent.slice(-12)}`; // of this film's in the store
+    this.rows = JSON.parse(store[this.place] ?? "[]");
     this.numbers = NUMBERS.map(({ of, ...one }) => {
-      const all = [...sliders[of], this.wanted[one.key]];
+      const all = [...sliders[of], this.own[one.key]];
       return { ...one, low: Math.min(...all), high: Math.max(...all) };
     });
-    const tell = (text) => (ui.told.textContent = text);
-    this.sliders = new Controls(
-      () => ui.numbers,
-      (key, value) => this.want({ [key]: value }),
-      tell,
-    );
+    const set = (key, value) => this.tell(this.want({ ...this.wanted, [key]: value }).join(" "));
+    this.sliders = new Controls(() => ui.numbers, set, this.tell);
     ui.throws.hidden = ui.list.hidden = false;
     document.querySelector("main").classList.add("throws");
-    ui.throw.onclick = () => {
-      this.throw();
-      if (location.protocol !== "about:") history.replaceState(null, "", this.link);
-    };
-    const page = location.protocol === "about:" ? "" : location.href.split("#")[0];
-    ui.link.onclick = () => copy(page + this.link).then(() => tell("Copied: send it, or open it."));
-    ui.copy.onclick = () => copy(asText(ui.table, "\t"));
+    ui.throw.onclick = () => this.throw(true);
+    ui.stop.onclick = () => this.end();
+    ui.link.onclick = () => this.copyLink();
+    ui.task.onclick = () => this.set(this.goal ? 0 : goal || USUAL_GOAL);
+    ui.share.onchange = () => this.set(readNumber(ui.share.value.replace("%", "")) / 100);
+    ui.copy.onclick = () => copy(asText(ui.table, "\t"), this.tell, "Copied: paste it into a table.");
     ui.addresses.onchange = () => this.collect();
     ui.table.onclick = ({ target }) => {
       if (target.dataset.remove) this.rows.splice(target.dataset.remove, 1);
@@ -59,92 +79,144 @@ export class Throws {
     ui.list.ontoggle = () => this.showList();
     window.onhashchange = () => this.obey();
     this.obey();
-    if (this.rows.length) return;
-    // An address that is refused shows the film's own throw.
-    const refusal = ui.told.textContent;
-    this.want({ v: velocity, eta: eta_star });
-    this.throw();
-    tell(refusal);
   }
 
-  // Take numbers, as far as the sliders go.
+  // Throw as the address says, beginning from the film's own numbers.
+  obey() {
+    const { numbers, faults } = readAddress(location.hash);
+    const wanted = { ...this.own, ...numbers };
+    const beyond = this.want(wanted);
+    this.goal = this.own.goal;
+    const noGoal = this.set(wanted.goal);
+    this.throw();
+    this.tell([...faults, ...beyond, noGoal].join(" "));
+  }
+
+  // Take numbers, as far as the sliders go. Return sentences about those that are beyond.
   want(numbers) {
+    const faults = [];
+    this.wanted = {};
     for (const { key, low, high } of this.numbers) {
-      const value = numbers[key];
-      if (Number.isFinite(value)) this.wanted[key] = Math.min(Math.max(value, low), high);
+      const value = (this.wanted[key] = Math.min(Math.max(numbers[key], low), high));
+      if (value !== numbers[key]) faults.push(`${digits(numbers[key])} is beyond the slider: ${value}.`);
     }
     const live = { meaning: "of the throw", live: true };
     this.sliders.show(this.numbers.map((one) => ({ ...one, ...live, value: this.wanted[one.key] })));
-    this.ui.told.textContent = "";
+    return faults;
+  }
+
+  // Set the task, or none for 0. Return, and tell, a sentence if it is no task.
+  set(goal) {
+    const { ui } = this;
+    const isGoal = goal >= 0 && goal <= 1;
+    if (isGoal) this.goal = goal;
+    ui.goal.hidden = !this.goal;
+    ui.share.value = digits(100 * this.goal);
+    ui.task.textContent = this.goal ? "No task" : "Task";
+    this.judge();
+    return this.tell(isGoal ? "" : `${digits(goal)} is no goal: write 0.9, or 90 %.`);
   }
 
   // The end of the address of a throw.
   get link() {
-    const { wanted, goal } = this;
-    return `#${new URLSearchParams(goal ? { ...wanted, goal } : wanted)}`;
+    const { wanted, goal, own } = this;
+    const task = goal || own.goal ? `&goal=${goal || "none"}` : "";
+    return `#v=${wanted.v}&eta=${wanted.eta}${task}`;
   }
 
-  obey() {
-    const said = numbersOf(location.hash);
-    this.goal = said.goal > 0 && said.goal <= 1 ? said.goal : NaN;
-    this.want(said);
-    this.throw();
+  copyLink() {
+    const isShared = /^https?:$/.test(location.protocol);
+    const page = isShared ? location.href.split("#")[0] : "";
+    const other = `Copied ${this.link}: send the file, too, and put this behind its address.`;
+    copy(page + this.link, this.tell, isShared ? "Copied: send it, or open it." : other);
   }
 
-  // Return the throw with these numbers, and write it into the table.
-  thrown({ v, eta }) {
-    const one = new Again(this.disk, this.film, v, eta);
+  // Show how much of a throw is done, from 0 to 1; nothing: the page does not throw.
+  show(part) {
+    const { throws, bar, throw: button } = this.ui;
+    throws.classList.toggle("busy", part !== undefined);
+    bar.value = part ?? 0;
+    button.textContent = part === undefined ? "Throw" : `${Math.floor(100 * part)} %`;
+  }
+
+  // End what is computed.
+  end() {
+    this.job = null;
+    this.show();
+  }
+
+  // Return the throw with these numbers, and write it into the table. It is computed in slices, between
+  // which the page answers; return nothing if it is ended, by a new throw or by the user.
+  async thrown({ v, eta }) {
+    const job = (this.job = {});
+    const steps = throwing(this.disk, v, eta);
+    const began = performance.now();
+    let [next, duration] = [{}, 0];
+    while (!next.done) {
+      const start = performance.now();
+      while (!next.done && performance.now() < start + SLICE) next = steps.next();
+      duration += performance.now() - start;
+      if (!next.done && performance.now() > began + PATIENCE) this.show(next.value);
+      await new Promise((done) => setTimeout(done));
+      if (this.job !== job) return null;
+    }
+    this.end();
+    const one = new Again(this.disk, this.film, next.value, duration);
     const row = { ...ROW, load: v, eta_star: eta, disturbance: one.folded ? "folded" : "" };
     const isKnown = this.rows.some((old) => old.load === v && old.eta_star === eta);
-    if (!isKnown) this.rows.push({ ...row, value: one.flight.restitution });
+    if (!isKnown) this.rows.push({ ...row, value: next.value.restitution });
+    this.showList();
     return one;
   }
 
-  throw() {
-    const { told } = this.ui;
-    try {
-      const one = this.thrown(this.wanted);
-      this.take(one);
-      const { flight, folded, duration } = one;
-      const steps = Math.round(flight.rows[flight.end].t / flight.dt).toLocaleString("en");
-      told.textContent = `${steps} steps in ${Math.round(duration)} ms, as run with velocity_verlet`;
-      if (folded) told.textContent = `${folded} triangles turned inside out: e means nothing. Throw slower.`;
-    } catch (error) {
-      told.textContent = error.message;
-    }
-    this.showList();
+  // Throw the disk. `isNew`: the address shall say so; in some frames it cannot.
+  async throw(isNew) {
+    const { ui, wanted, link } = this;
+    const one = await this.thrown(wanted);
+    if (!one) return;
+    this.judge(0);
+    this.take(one);
+    const { flight, folded, duration } = one;
+    const steps = Math.round(flight.rows[flight.end].t / flight.dt).toLocaleString("en");
+    ui.steps.textContent = `${steps} steps in ${Math.round(duration)} ms, as run with velocity_verlet`;
+    if (folded) this.tell(`${folded} triangles turned inside out: e means nothing. Throw slower.`);
+    if (isNew && location.protocol !== "about:") history.replaceState(null, "", link);
   }
 
-  // Show the task, and after the throw how near it came.
-  judge(e) {
-    const { goal, ui } = this;
-    const near = VERDICTS.find(([most]) => Math.abs(e - goal) < most);
-    const words = near?.[1] ?? (e > goal ? "Too lively." : "Too dull.");
-    const task = `Make it come back with ${digits(100 * goal)} % of its speed.`;
-    ui.goal.textContent = goal ? `${task} ${e ? words : ""}` : "";
+  // Show e, when the film does, and how near it comes to the task. Both stay until the next throw.
+  judge(e = this.e) {
+    this.e = e;
+    const { goal, ui, wanted, numbers } = this;
+    const [speed, viscosity] = numbers;
+    const stars = STARS.find(([most]) => Math.abs(e - goal) < most)?.[1] ?? "";
+    const more = [wanted.eta < viscosity.high && "more viscosity", wanted.v < speed.high && "a faster throw"];
+    const less = [wanted.eta > viscosity.low && "less viscosity", wanted.v > speed.low && "a slower throw"];
+    const ways = (e > goal ? more : less).filter(Boolean).join(", or ");
+    const advice = stars === EXACT ? ": exactly!" : `, too ${e > goal ? "fast" : "slow"}: ${ways}`;
+    const result = e ? `e = ${e.toFixed(3)}` : "";
+    const text = goal && e ? stars + result + advice : result;
+    if (ui.verdict.textContent !== text) ui.verdict.textContent = text; // which a screen reader says
   }
 
-  // Throw what the pasted addresses say, one after the other, so that the page stays alive.
+  // Throw what the pasted addresses say, one after the other. What a new throw ends stays in the field.
   async collect() {
     const { ui, numbers } = this;
-    const lines = ui.addresses.value.split("\n").map((line) => line.trim());
-    ui.addresses.value = ui.faults.textContent = "";
-    for (const line of lines.filter(Boolean)) {
-      const said = numbersOf(line);
-      const isThrow = numbers.every(({ key, low, high }) => said[key] >= low && said[key] <= high);
-      try {
-        if (!isThrow) throw new Error("not the address of a throw of this disk");
-        this.thrown(said);
-      } catch (error) {
-        ui.faults.append(`${line.slice(0, 60)}: ${error.message}\n`);
-      }
-      this.showList();
-      await new Promise((done) => setTimeout(done));
+    const lines = ui.addresses.value.split("\n").filter((line) => line.trim());
+    ui.faults.textContent = "";
+    for (const [k, line] of lines.entries()) {
+      const { numbers: said, faults } = readAddress(line);
+      const outside = numbers.find(({ key, low, high }) => !(said[key] >= low && said[key] <= high));
+      const { key, low, high } = outside ?? {};
+      if (outside && !faults.length) faults.push(`${key} must be from ${low} to ${high}.`);
+      if (faults.length) ui.faults.append(`${line.trim().slice(0, 60)}: ${faults.join(" ")}\n`);
+      else if (!(await this.thrown(said))) return;
+      ui.addresses.value = lines.slice(k + 1).join("\n");
     }
   }
 
   showList() {
     const { ui, rows, numbers } = this;
+    store[this.place] = JSON.stringify(rows);
     if (!ui.list.open) return;
     showResults(ui.table, rows);
     const title = "restitution e over the speed v [c]";

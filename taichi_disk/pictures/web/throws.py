@@ -7,24 +7,26 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.experiments.computation.contact import contact_interval
 from taichi_disk.experiments.computation.stability import explicit_limit
 from taichi_disk.experiments.config.sections import SLIDERS, VideoSection
+from taichi_disk.experiments.scenes.scene import yaml_scalar
 from taichi_disk.mechanics.lattice.network import laplacian, largest_eigenvalue
 from taichi_disk.pictures import plot
 from taichi_disk.pictures.curves import LOOKS, Look
 from taichi_disk.pictures.render import geometry, moments, palette, recording
-from taichi_disk.pictures.render.moments import time_of
 from taichi_disk.pictures.render.recording import Flight
 from taichi_disk.pictures.web.drawing import encoded
 
-# most springs times steps of a run that is thrown again on a page: some 0.2 s
-_MOST_WORK = 2.5e7
+# A page cannot throw a disk again that has more points, or whose own throw takes more
+# springs times steps: some 1.5 s.
+_MOST_POINTS = 4_000
+_MOST_WORK = 1e8
 # columns of the curves over time
 _COLUMNS = (
     "com_vy",
     "wall_force",
     "translation",
+    "rotation",
     "vibration",
     "elastic",
     "wall",
@@ -51,33 +53,57 @@ _RULES = {
 }
 
 
-def throwable(flight: Flight, video: VideoSection) -> dict[str, Any] | None:
-    """Return the disk of a run, ready for JSON, or None if pages cannot throw it."""
+def throwable(flight: Flight) -> bool:
+    """Return whether a page can step the disk of a run, however long that takes."""
+    scenario: Any = flight.run.scenario
+    scene = scenario.scene
+    settings = scene.time
+    return (
+        scene.scene == "exponential_wall"
+        and not scene.is_oblique
+        and not scene.impact.gravity
+        and scene.impact.gap == "auto"
+        and (settings.dt, settings.tolerance) == ("auto", "none")
+        and scene.lattice.file == "none"
+        and scene.material.dashpot == "vector"
+        and scenario.lattice.stiffness is None
+        and scenario.own.velocities is None
+    )
+
+
+def command(scene: Any) -> str:
+    """Return the command that runs a scene, without its film."""
+    words = ["taichi-disk run", scene.scene]
+    for name, section in scene.sections().items():
+        if name == "video":
+            continue
+        for one, kind in section.schema().items():
+            value = getattr(getattr(scene, name), one)
+            if value != kind.default:
+                words.append(f"--set {name}.{one}={yaml_scalar(value)}")
+    return " ".join(words)
+
+
+def thrown_disk(flight: Flight, video: VideoSection) -> dict[str, Any] | None:
+    """Return the disk of a run that is `throwable`, ready for JSON, or None if it is
+    too large for a page."""
     run = flight.run
     scenario: Any = run.scenario
     scene = scenario.scene
     lattice = scenario.lattice
     settings = scene.time
-    if (
-        scene.scene != "exponential_wall"
-        or scene.is_oblique
-        or scene.impact.gravity
-        or (settings.dt, settings.tolerance) != ("auto", "none")
-        or scene.lattice.file != "none"
-        or scene.material.dashpot != "vector"
-        or lattice.stiffness is not None
-        or scenario.own.velocities is not None
-    ):
-        return None
     masses = lattice.masses
     eta = scene.material.eta(len(masses))
     stiffness = scenario.model.springs.stiffness(lattice, lattice.positions)
     omega = float(np.sqrt(largest_eigenvalue(stiffness, masses)))
     damping = largest_eigenvalue(laplacian(lattice), masses)
     steps = run.series["t"][-1] / explicit_limit(omega, eta * damping)
-    if steps * len(lattice.bonds) > _MOST_WORK:
+    if len(masses) > _MOST_POINTS or steps * len(lattice.bonds) > _MOST_WORK:
         return None
-    first, second = contact_interval(run.series)
+    contact = run.contact
+    goal = 0.0
+    if video.goal != "none":
+        goal = video.goal
     return (
         asdict(scene.material)
         | asdict(scene.wall)
@@ -87,14 +113,14 @@ def throwable(flight: Flight, video: VideoSection) -> dict[str, Any] | None:
             "masses": encoded(masses, np.float64),
             "velocity": scenario.velocity,
             "gap": scenario.gap,
-            "gap_is_auto": scene.impact.gap == "auto",
             "safety": settings.safety,
             "interval": settings.sample_interval,
             "magnify": video.magnify,
+            "goal": goal,
             "omega": omega,
             "damping": damping,
             "top": scenario.gap - flight.start * scenario.velocity,
-            "moments": [first, time_of("greatest", run.series), second],
+            "moments": [contact.start, contact.greatest, contact.end],
             "curves": [_curve(LOOKS[column]) for column in _COLUMNS],
             "rules": _RULES,
             "numbers": scenario.numbers(),

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from inspect import signature
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -24,13 +24,12 @@ from taichi_disk.base.errors import (
 )
 from taichi_disk.base.progress import Progress, reported, silent
 from taichi_disk.base.signals import raise_if_interrupted
-from taichi_disk.experiments.computation.contact import greatest_compression
 from taichi_disk.experiments.computation.driver import State as State
 from taichi_disk.experiments.computation.outcome import Outcome
 from taichi_disk.experiments.config.tree import Source, as_path
 from taichi_disk.experiments.scenes import Scene, load_scene
 from taichi_disk.experiments.scenes.scene import DiskScene
-from taichi_disk.mechanics.lattice import Array, Lattice, disk_of, numbers
+from taichi_disk.mechanics.lattice import Array, Lattice, disk_of
 from taichi_disk.mechanics.statics.modes import Modes, modes
 from taichi_disk.pictures.render.artist import drawing_process
 from taichi_disk.runs.api.film import film
@@ -48,6 +47,7 @@ if TYPE_CHECKING:
     from taichi_disk.pictures.inline import Film, Plot
 
 __all__ = ["Modes", "Result", "State", "run"]
+Moments: TypeAlias = "Sequence[float | str] | Array"
 MAX_NAMED_TIMES = 5  # number of times in a notice
 
 
@@ -177,29 +177,29 @@ class Result(Outcome):
         return self.scenario.lattice
 
     @runtime.alone()
-    def state(self, t: float) -> State:
-        """Return the state at the step nearest to `t` [R/c], or the equilibrium under
-        the fraction `t` of a load.
+    def state(self, t: float | str) -> State:
+        """Return the state at the step nearest to the moment `t`, as for `film`, or the
+        equilibrium under the fraction `t` of a load.
 
-        Raises InputError for a time outside the run.
+        Raises InputError for a moment outside the run.
         """
-        return next(self._states([t]))
+        return next(self.replay(self._times(t)))
 
     @runtime.alone()
-    def trajectory(self, times: Sequence[float] | Array) -> tuple[Array, Array, Array]:
+    def trajectory(self, times: Moments) -> tuple[Array, Array, Array]:
         """Return times (T,) [R/c], positions (T, n, 2) [R], velocities (T, n, 2) [c] at
-        the steps nearest to `times`.
+        the steps nearest to the moments `times`, as for `film`.
 
-        Raises InputError unless the times ascend and lie within the run.
+        Raises InputError unless they ascend and lie within the run.
         """
-        t, x, v = zip(*self._states(times), strict=True)
+        t, x, v = zip(*self.replay(self._times(times)), strict=True)
         return np.array(t), np.array(x), np.array(v)
 
     @property
     def greatest_compression(self) -> State:
         """State of the greatest compression, or the end of a loading; computed again at
         each access."""
-        return self.state(greatest_compression(self.series))
+        return self.state(self.contact.greatest)
 
     def field(self, name: str, t: float | str = "greatest", at: str = "own") -> Field:
         """Return the quantity `name` at the moment `t`, as for `film`; see
@@ -210,7 +210,6 @@ class Result(Outcome):
         InputError for an unknown name or place, or a moment outside the run.
         """
         from taichi_disk.mechanics.fields import QUANTITIES, field
-        from taichi_disk.pictures.render.moments import time_of
 
         if name not in QUANTITIES:
             raise InputError(f"no quantity {name!r}; there are {', '.join(QUANTITIES)}")
@@ -219,7 +218,7 @@ class Result(Outcome):
                 'at: must be "own" (values on triangles or springs) or "points", not'
                 f" {at!r}"
             )
-        _, x, v = self.state(time_of(t, self.series))
+        _, x, v = self.state(t)
         return field(name, self.lattice, self.scenario.model.springs, x, v, at)
 
     def modes(self, count: int = 40) -> Modes:
@@ -245,7 +244,7 @@ class Result(Outcome):
         path: Path | str,
         format: str | None = None,
         frames: int = FRAMES,
-        times: Sequence[float] | Array | None = None,
+        times: Moments | None = None,
     ) -> Path:
         """Write a trajectory for another program and return the path of the file.
 
@@ -254,50 +253,45 @@ class Result(Outcome):
                 file trajectory.SUFFIX.
             format: format in a folder: "xyz", "vtu" or "npz".
             frames: number of moments, evenly spaced in time.
-            times: ascending times within the run to use instead [R/c]; the states are
-                those of the nearest steps.
+            times: ascending moments to use instead, as for `film`; the states are those
+                of the nearest steps.
 
         Raises InputError for times outside the run, an unknown format, or one whose
         package is not installed.
         """
         from taichi_disk.runs.output.export import export_run
 
-        chosen = times
-        if chosen is None:
+        if times is None:
             count = whole_number(frames, "frames", MOST_FRAMES)
             chosen = np.linspace(0.0, self.series["t"][-1], count)
+        else:
+            chosen = self._times(times)
         exported = []
 
         def recorded() -> Iterator[State]:
-            for state in self._states(chosen):
+            for state in self.replay(chosen):
                 exported.append(state.t)
                 yield state
 
         out = as_path(path, "path")
         file = export_run(self.scenario, recorded(), out, format)
-        if times is not None and not np.allclose(exported, times, rtol=1e-6):
+        if times is not None and not np.allclose(exported, chosen, rtol=1e-6):
             at = ", ".join(f"{t:.6g}" for t in exported[:MAX_NAMED_TIMES])
             if len(exported) > MAX_NAMED_TIMES:
                 at += ", …"
             NOTICES.info("the states are those of the nearest steps, at t = %s R/c", at)
         return file
 
-    def _states(self, times: Any) -> Iterator[State]:
-        times = np.atleast_1d(numbers(times, "times"))
-        last = float(self.series["t"][-1])
-        if (
-            times.ndim != 1
-            or not len(times)
-            or not np.isfinite(times).all()
-            or (np.diff(times) < 0.0).any()
-        ):
-            raise InputError("times: must be ascending finite numbers")
-        if times[0] < 0.0 or times[-1] > last * (1.0 + 1e-12):
-            raise InputError(
-                f"times: must lie within 0 and {last:.6g}, the end of the run; a"
-                " larger impact.gap ends an impact later"
-            )
-        return self.replay(times)
+    def _times(self, moments: Any) -> Array:
+        """Return the times (T,) [R/c] of one or several ascending moments."""
+        from taichi_disk.pictures.render.moments import time_of
+
+        # objects, because a list may have words beside numbers
+        given = np.atleast_1d(np.asarray(moments, object))
+        times = np.array([time_of(one, self) for one in given])
+        if not len(times) or (np.diff(times) < 0.0).any():
+            raise InputError("times: must be ascending")
+        return times
 
     # ---- pictures
 
@@ -308,7 +302,7 @@ class Result(Outcome):
         from taichi_disk.pictures.plot import plot_scene, run_figure
 
         quoted = headline(self.summary, self.scenario.words.labels)
-        return registered(run_figure(plot_scene(self.scenario, self.series, quoted)))
+        return registered(run_figure(plot_scene(self.scenario, self.series), quoted))
 
     @runtime.alone()
     def draw(
@@ -448,8 +442,8 @@ class Result(Outcome):
         out = as_path(out, "out")
         own = self.scenario.own
         text = self.scenario.stored_scene.to_yaml()
-        with run_folder(out, text, False, overwrite, lattice=own.digest) as folder:
-            work = Work(self.scene, own.disk, own.velocities)
+        work = Work(self.scene, own.disk, own.velocities)
+        with run_folder(out, text, False, overwrite, work.digest) as folder:
             copy = replace(self, summary=dict(self.summary))
             work.write_start(folder.path, self.scenario)
             work.write(folder, copy)
@@ -501,7 +495,7 @@ class Result(Outcome):
                 f" {path} again"
             )
         # The step of the run is accepted, even if it is beyond the stability limit.
-        outcome = work.solve(work.build(), 1, force=True, estimate=estimate)
+        outcome = work.solve(work.build(), lattices=1, force=True, estimate=estimate)
         name, value = outcome.scenario.primary(outcome.series)
         stored = summary.get(name, value)
         if stored != value:
@@ -579,7 +573,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
     # reads the files of a lattice and velocities only once, because they may change
     work = Work(scene, lattice, velocities, progress, started)
     own = work.own
-    options = {"lattices": lattices, "force": force}
+    options: dict[str, Any] = {"lattices": lattices, "force": force}
     if out is None:
         if export:
             raise InputError("export: needs a folder, `out`")
@@ -592,7 +586,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
         )
     out = as_path(out, "out")
     text = own.repeating(work.scene).to_yaml()
-    with run_folder(out, text, count_on, overwrite, own.digest) as folder:
+    with run_folder(out, text, count_on, overwrite, work.digest) as folder:
         if export:
             from taichi_disk.runs.output.export import check_export
 
@@ -601,7 +595,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
             with work.failing_into(folder.path):
                 scenario = work.build(threads)
                 work.write_start(folder.path, scenario)
-                outcome = work.solve(scenario, **options)
+                outcome = work.solve(scenario, artist, **options)
                 work.write(folder, outcome)
             folder.appear()
             # without room for anything there is no folder

@@ -66,7 +66,7 @@ def default_count(outcome: Outcome) -> tuple[int, str]:
         return LATTICES, ""
     step_forces = INTEGRATORS[summary["integrator"]].forces
     if summary["steps"] * step_forces * len(lattice.bonds) > ESTIMATE_UP_TO:
-        return 1, "one run takes more than some 5 s"
+        return 1, "one run takes more than about 5 s"
     if not scenario.step_dependent:
         return FEW_LATTICES, "a relaxation takes many steps"
     if scenario.scene.time.tolerance != "none":
@@ -102,9 +102,9 @@ def compare_lattices(
             outcome.summary["warnings"].append(
                 f"there is no result on the lattice of seed {seed}: {described(error)}"
             )
-    for text, warned in by_kind(warnings).items():
+    for text, warned in by_kind(warnings):
         outcome.summary["warnings"].append(
-            f"{warned} of {count - 1} other lattices: {text}"
+            f"{warned} of {count - 1} other lattices, on the first: {text}"
         )
     comparison: dict[str, Any] = {"seeds": seeds}
     if len(results) == 1:

@@ -14,15 +14,21 @@ import numpy as np
 
 from taichi_disk.base import files, runtime
 from taichi_disk.base.errors import NOTICES, NoPictures, SimulationError
+from taichi_disk.base.processes.early import draw_early
 from taichi_disk.base.progress import Progress, silent
 from taichi_disk.experiments.computation.diagnostics import BlowUp
 from taichi_disk.experiments.computation.outcome import Outcome, compute
 from taichi_disk.experiments.computation.scenario import Scenario
 from taichi_disk.experiments.scenes import Scene
 from taichi_disk.experiments.scenes.setup import body_of, spectrum_of
-from taichi_disk.mechanics.lattice import Lattice, own_start
+from taichi_disk.mechanics.lattice import (
+    Lattice,
+    file_digest,
+    outline_name,
+    own_start,
+)
 from taichi_disk.mechanics.simulation.simulation import shared_kernels
-from taichi_disk.pictures.plot import plot_run, plot_scene
+from taichi_disk.pictures.plot import draw_plot, plot_run, plot_scene
 from taichi_disk.pictures.render.artist import Artist
 from taichi_disk.runs.api.film import film
 from taichi_disk.runs.api.lattices import compare_lattices, lattice_count
@@ -73,6 +79,11 @@ class Work:
             return self.own.disk
         return body_of(self.scene)
 
+    @property
+    def digest(self) -> str:
+        """Digest of what the user supplied besides the scene; "" if nothing."""
+        return self.own.digest + file_digest(self.scene.lattice.outline)
+
     def lap(self, stage: str, **within: float) -> None:
         """Add the time since the last lap to `stage`, minus the times `within` it,
         which belong to other stages."""
@@ -91,10 +102,15 @@ class Work:
         return scenario
 
     def solve(
-        self, scenario: Scenario, lattices: int | None = None, **options: Any
+        self,
+        scenario: Scenario,
+        artist: Artist | None = None,
+        lattices: int | None = None,
+        **options: Any,
     ) -> Outcome:
         """Compute `scenario`, pass on notes and warnings, and return the outcome with a
-        complete summary. Options and errors as for `compute`."""
+        complete summary. `artist` draws its curves while other lattices are computed.
+        Options and errors as for `compute`."""
         scene = self.scene
         if self.own.disk is None:
             options["spectrum_of"] = partial(spectrum_of, scene)
@@ -103,6 +119,9 @@ class Work:
         outcome = compute(scenario, self.progress, **options)
         compiling = kernels.compile_seconds - compiled_before
         self.lap("simulate", compile=compiling)
+        if artist:
+            shown = plot_scene(scenario, outcome.series)
+            artist.begin(draw_early, draw_plot, shown)
         summary = self._heading("done") | outcome.summary | {"video": None}
         count, notes = lattice_count(outcome, lattices)
         if count > 1:
@@ -133,8 +152,8 @@ class Work:
             "wall_clock": self.clock,
             **files.provenance(),
         }
-        if own.digest:
-            summary["lattice_digest"] = own.digest
+        if self.digest:
+            summary["lattice_digest"] = self.digest
         has_disk = own.disk is not None and spec.file == "none"
         has_velocities = own.velocities is not None and spec.velocities == "none"
         if has_disk or has_velocities:
@@ -167,6 +186,9 @@ class Work:
 
     def write_start(self, path: Path, scenario: Scenario) -> None:
         lattice = scenario.lattice
+        spec = self.scene.lattice
+        if spec.outline != "none":
+            files.copy(Path(spec.outline), path / outline_name(spec))
         write_lattice(
             path / "lattice.npz",
             lattice,
@@ -212,8 +234,8 @@ class Work:
         summary = outcome.summary
         scenario = outcome.scenario
         quoted = headline(summary, scenario.words.labels)
-        shown = plot_scene(scenario, outcome.series, quoted)
-        finish_plot = artist.begin(plot_run, path / "plot.png", shown)
+        shown = plot_scene(scenario, outcome.series)
+        finish_plot = artist.begin(plot_run, path / "plot.png", shown, quoted)
         reporters: dict[str, Callable[[], Any]] = {}
         if export:
             reporters["export"] = partial(_export, path, outcome, export)

@@ -1,8 +1,9 @@
 """The folder of one run: it is chosen before anything is computed, and appears with all
 numbers of the run, by one rename if the storage can rename folders.
 
-Until then the run is built in a hidden folder beside it. Curves, film and trajectory
-join it later, each when it is complete. docs/output.md says what may be replaced.
+Until then the run is built in a hidden folder beside it, or in it if nothing can be
+made beside it. Curves, film and trajectory join it later, each when it is complete.
+docs/output.md says what may be replaced.
 """
 
 from __future__ import annotations
@@ -22,11 +23,12 @@ from taichi_disk.base.errors import NOTICES, InputError, reason
 from taichi_disk.base.text_files import read_text
 
 FILMS = ("video.mp4", "video.webm", "video.gif", "video.html", "frames")
-# the last kind: what a killed process had not finished
 RUN_FILES = re.compile(
     r"scene\.yaml|summary\.json|timeseries\.csv|(lattice|final|failure)\.npz|plot\.png"
-    r"|\..+-\d+\.new\..+"
+    r"|outline\.\w+"
 )
+# what a process has not finished, or a killed one had not
+UNFINISHED = re.compile(r"\..+-\d+\.new\..+")
 # films, and default names of what `render` and `export` add to a run
 PICTURES = re.compile(
     r"(video|render|comparison)\.(mp4|webm|gif|html|png)|frames|render|comparison"
@@ -53,6 +55,7 @@ def stored_run(folder: Path) -> StoredRun:
     names = []
     if folder.exists():
         names = files.listed(folder)
+        names = [name for name in names if not UNFINISHED.fullmatch(name)]
     summary = files.read_summary(folder)
     is_run = "status" in summary and "scene.yaml" in names
     for name in names:
@@ -136,11 +139,11 @@ class RunFolder:
         status = files.read_summary(self.path).get("status")
         if self.path == self.out or not status:
             return
-        others = self.out
+        alternative = self.out
         if status != "done":
-            others = others.with_name(f"{others.name}-{status}")
+            alternative = self.out.with_name(f"{self.out.name}-{status}")
         try:
-            self.out = self.choose(chain([self.out], _numbered(others)), status)
+            self.out = self.choose(chain([self.out], _numbered(alternative)), status)
             files.replace(self.path, self.out)
             self.path = self.out
         except OSError as error:
@@ -179,8 +182,16 @@ def run_folder(
     with ExitStack() as cleanup:
         try:
             out = _place(out)
-            cleanup.callback(files.remove_empty, files.prepare_output(out.parent))
             path = files.hidden(out)
+            try:
+                made = files.prepare_output(out.parent)
+            except InputError:
+                if not out.is_dir():
+                    raise
+                # The folder above may be another user's: the run is built in its own.
+                made = files.prepare_output(out)
+                path = out / path.name
+            cleanup.callback(files.remove_empty, made)
             # A killed process may have left this folder: its name contains the number
             # of the process, which is often the same in every container.
             files.remove(path)
@@ -202,6 +213,9 @@ def run_folder(
         except BaseException:
             for unfinished in folder.path.glob(".*.new.*"):  # by the drawing process
                 files.remove(unfinished)
+            folder.appear()
+            if folder.failure:
+                NOTICES.error(folder.failure)
             raise
         finally:
             folder.appear()

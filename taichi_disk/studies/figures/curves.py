@@ -4,8 +4,9 @@ of scene."""
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from os.path import commonprefix, sep
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,6 @@ from numpy.typing import ArrayLike
 
 from taichi_disk.experiments.scenes import Scene
 from taichi_disk.experiments.scenes.compression import paper_compression
-from taichi_disk.experiments.scenes.sweep_axes import target_of
 from taichi_disk.mechanics.lattice import Array
 from taichi_disk.runs.api.lattices import half_width_95
 from taichi_disk.studies.figures import theory
@@ -130,7 +130,9 @@ class Law(NamedTuple):
         unit = 1.0
         if self.needs_moduli:
             unit = curve.young**0.5
-        if not np.isfinite(unit) or curve.x.max() > self.max_speed * unit:
+        # Lattices of files are no sample, which alone could refute a law.
+        is_sample = np.isfinite(curve.young)
+        if not is_sample or curve.x.max() > self.max_speed * unit:
             return False
         if self.needs_damping and not curve.is_damped:
             return False
@@ -214,39 +216,40 @@ LAWS_OF = {
 
 @dataclass(frozen=True)
 class Diagram:
-    """Curves of column `y` of points.csv against the axis `x`. `base`: a scene of the
-    sweep, for the keys that are not swept."""
+    """Curves of column `y` of points.csv against an axis, whose (section, key) is `x`.
+    `base`: a scene of the sweep, for the keys that are not swept."""
 
     base: Scene
-    x: str
+    x: tuple[str, str]
     y: str
     curves: list[Curve]
 
     @property
     def is_of_laws(self) -> bool:
         """Whether it shows the main result over speed or pressure, as the laws do."""
-        base = self.base
-        return target_of(base, self.x) == base.abscissa and self.y == base.results[0]
+        return self.x == self.base.abscissa and self.y == self.base.results[0]
 
 
 def analyse(
     base: Scene,
-    axes: Sequence[str],
+    axes: dict[str, tuple[str, str]],
     rows: Sequence[Row],
     x: str | None = None,
     y: str | None = None,
 ) -> Diagram:
     """Return the curves of a sweep, with their fits, from `rows` of points.csv.
 
-    base: a scene of the sweep, for the keys that are not swept; axes: the swept keys;
-        x: one of them, by default speed or pressure, or else the first one that is not
-        the seed; y: a column of numbers, by default the main result.
+    base: a scene of the sweep, for the keys that are not swept; axes: (section, key) of
+        the swept columns; x: one of these columns, by default speed or pressure, or
+        else the first one that is not the seed; y: a column of numbers, by default the
+        main result.
     """
-    targets = {target_of(base, name): name for name in axes}
+    rows = _with_short_paths(axes, rows)
+    names = {home: name for name, home in axes.items()}
     y = y or base.results[0]
-    x = x or targets.get(base.abscissa) or _first_axis(base, axes)
-    diagram = Diagram(base, x, y, [])
-    seed = targets.get(SEED, "")  # no column if it is not swept
+    x = x or names.get(base.abscissa) or _first_axis(axes)
+    diagram = Diagram(base, axes[x], y, [])
+    seed = names.get(SEED, "")  # no column if it is not swept
     others = [name for name in axes if name not in (x, seed)]
     if x == seed:
         seed = ""
@@ -275,7 +278,7 @@ def analyse(
             results=tables,
             young=young,
             poisson=poisson,
-            is_damped=_is_damped(base, label),
+            is_damped=_is_damped(base, axes, label),
             folded=len([row for row in members if _is_folded(row)]),
         )
         if diagram.is_of_laws and sound:
@@ -284,11 +287,23 @@ def analyse(
     return diagram
 
 
-def _first_axis(base: Scene, axes: Sequence[str]) -> str:
+def _with_short_paths(axes: Iterable[str], rows: Sequence[Row]) -> list[Row]:
+    """Return copies of the rows, in which the values of each axis of files are without
+    the folders that they share."""
+    short = [dict(row) for row in rows]
     for name in axes:
-        if target_of(base, name) != SEED:
-            return name
-    return axes[0]
+        paths = [row[name] for row in rows if sep in str(row[name])]
+        start = commonprefix(paths)  # noqa: RUF071 (cut at a separator)
+        folder = start[: start.rfind(sep) + 1]
+        for row in short:
+            if row[name] in paths:
+                row[name] = row[name].removeprefix(folder)
+    return short
+
+
+def _first_axis(axes: dict[str, tuple[str, str]]) -> str:
+    """Return the first axis that is not the seed, if there is one."""
+    return min(axes, key=lambda name: axes[name] == SEED)
 
 
 def _sound(rows: Sequence[Row], x: str) -> list[Row]:
@@ -346,11 +361,13 @@ def _mean_moduli(rows: Sequence[Row], seed: str) -> tuple[float, float]:
     return float(young), float(poisson)
 
 
-def _is_damped(base: Scene, label: dict[str, Any]) -> bool:
+def _is_damped(
+    base: Scene, axes: dict[str, tuple[str, str]], label: dict[str, Any]
+) -> bool:
     swept = {}
     for name, value in label.items():
-        target = target_of(base, name)
-        if target is not None and target[0] == "material":
-            swept[target[1]] = value
+        section, key = axes[name]
+        if section == "material":
+            swept[key] = value
     _key, viscosity = replace(base.material, **swept).dashpots
     return viscosity != 0.0

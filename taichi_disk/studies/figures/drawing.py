@@ -18,7 +18,6 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from taichi_disk.base.files import atomic_write
 from taichi_disk.experiments.scenes import compression, impact
-from taichi_disk.experiments.scenes.sweep_axes import target_of
 from taichi_disk.mechanics.lattice import Array
 from taichi_disk.pictures.inline import Plot
 from taichi_disk.pictures.plot import STYLE, SUM, matplotlib_style, powers
@@ -104,9 +103,7 @@ def _layout(diagram: Diagram) -> Layout:
         has_moduli = all(np.isfinite(curve.young) for curve in diagram.curves)
         if kind != "compression" or has_moduli:
             return LAYOUTS[kind]
-    target = target_of(diagram.base, diagram.x)
-    assert target is not None  # it is swept
-    section, key = target
+    section, key = diagram.x
     unit = diagram.base.sections()[section].schema()[key].unit
     symbol = SYMBOLS.get(key) or key.replace("_", " ")
     without_unit = (diagram.y.replace("_", " "), "")

@@ -32,8 +32,7 @@ SIGNIFICANCE = 0.01
 ROUNDING = 1e-18  # squares of rounding errors, over those of the values
 MAX_TAU0 = 2.0  # largest tau0 at e_star = 1 [R/c]
 START = 0.1  # where the search for it begins
-MAX_STEPS = 60  # of a search
-SHIFT = 1e-5  # relative change of a parameter that gives a slope
+TOLERANCE = 1e-12  # of a search
 # relative tolerance of the integration of eq. (4); the error of e is 2e-10
 IMPACT_TOLERANCE = 1e-9
 
@@ -193,6 +192,7 @@ def fit_curvature(x: Array, y: Array) -> Fit:
         return [2.0 * float(powers[0]) for powers in parabolas]
 
     def law(*_curvatures: float) -> Array:
+        """Return no values: a curvature says nothing of the height of a curve."""
         return np.full(len(x), np.nan)
 
     return _fit(("slow_half", "fast_half"), solve, law, y)
@@ -202,21 +202,16 @@ def least_squares(
     law: Callable[[float], Array], data: Array, scale: Array, start: float
 ) -> float:
     """Return the positive parameter of a law for which its differences from `data`,
-    divided by `scale`, are smallest; the search (Gauss and Newton's, of the parameter's
-    logarithm) begins at `start`."""
-    parameter = start
-    for _ in range(MAX_STEPS):
-        above = law(parameter * (1.0 + SHIFT))
-        below = law(parameter * (1.0 - SHIFT))
-        slope = (above - below) / (2.0 * SHIFT * scale)
-        if not slope.any():
-            break
-        difference = (data - law(parameter)) / scale
-        change = float(slope @ difference / (slope @ slope))
-        parameter *= np.exp(np.clip(change, -1.0, 1.0))
-        if abs(change) < SHIFT**2:
-            break
-    return parameter
+    divided by `scale`, are smallest; the search, of the parameter's logarithm, begins
+    at `start`."""
+    from scipy import optimize
+
+    def residuals(logarithm: Array) -> Array:
+        return (law(np.exp(logarithm.item())) - data) / scale
+
+    tolerances = dict.fromkeys(("xtol", "ftol", "gtol"), TOLERANCE)
+    found = optimize.least_squares(residuals, np.log(start), **tolerances)
+    return float(np.exp(found.x.item()))
 
 
 def _scale(y: Array, least: int = MIN_LATTICES) -> Array:

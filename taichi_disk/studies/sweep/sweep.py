@@ -35,7 +35,7 @@ from taichi_disk.base.files import (
 from taichi_disk.base.progress import Progress, reported, silent
 from taichi_disk.experiments.config.tree import as_path
 from taichi_disk.experiments.scenes import Scene
-from taichi_disk.experiments.scenes.sweep_axes import Sweep, value_of
+from taichi_disk.experiments.scenes.sweep_axes import Sweep
 from taichi_disk.mechanics.lattice import file_digest
 from taichi_disk.runs.output.run_folder import refuse_run
 from taichi_disk.studies.sweep import executors
@@ -56,6 +56,10 @@ FILES = (
 )
 MAX_JOBS = 1000
 MAX_FAILURES = 10  # number of failed points that are printed
+LITERAL = (
+    "lattices without a rim scatter irregularly: a law that holds is refuted in 2 to 5"
+    " % of their sweeps, and the interval of d1 contains the true value in 89 to 92 %"
+)
 DIAGNOSTICS = (
     "young",
     "poisson",
@@ -242,8 +246,8 @@ def run_sweep(
 def _counted_warnings(results: Sequence[PointResult]) -> list[str]:
     texts = [text for result in results for text in result.warnings]
     return [
-        f"{count} of {len(results)} points have a warning: {text}"
-        for text, count in by_kind(texts).items()
+        f"{count} of {len(results)} points have a warning, the first: {text}"
+        for text, count in by_kind(texts)
     ]
 
 
@@ -296,7 +300,7 @@ def _rows(
     rows = []
     for key in keys:
         result = results[key]
-        row = {name: value_of(scenes[key], name) for name in sweep.axes}
+        row = sweep.place_of(scenes[key])
         for name in (*base.results, *optional, *DIAGNOSTICS):
             column = name
             if name in sweep.axes:
@@ -318,7 +322,7 @@ def _summary(sweep: Sweep, rows: list[Row], computed_now: int) -> dict[str, Any]
             failed.append({name: row[name] for name in reported})
     return {
         "scene": sweep.scenes[0].scene,
-        "axes": sweep.axes,
+        "axes": list(sweep.axes),
         "points": len(rows),
         "computed_now": computed_now,
         "failed": failed,
@@ -336,6 +340,9 @@ def _write_table(
     write_csv(out / "points.csv", [_as_yaml(row) for row in rows])
     diagram = analyse(sweep.scenes[0], sweep.axes, rows)
     summary["curves"] = [curve.summary() for curve in diagram.curves]
+    is_fitted = any(curve.fits for curve in diagram.curves)
+    if is_fitted and not sweep.scenes[0].lattice.rim:
+        summary["warnings"].append(LITERAL)
     if diagram.curves:
         try:
             draw(diagram, out)
@@ -440,7 +447,8 @@ def point_key(scene: Scene) -> str:
     """
     sections = asdict(scene)
     del sections["video"]
-    files = [file_digest(scene.lattice.file), file_digest(scene.lattice.velocities)]
+    spec = scene.lattice
+    files = [file_digest(file) for file in (spec.file, spec.velocities, spec.outline)]
     contents = [relevant_versions(), sections, files]
     text = json.dumps(contents, sort_keys=True, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:20]

@@ -50,6 +50,14 @@ def test_no_file_of_the_working_folder_is_imported(is_on_path, tmp_path, monkeyp
     assert (mine is not None) == is_on_path
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems set no limit")
+def test_a_process_with_a_limit_cannot_fill_the_memory():
+    with Pool(1, memory=2_000_000_000) as pool:
+        assert len(pool.submit(bytes, 1000).result()) == 1000
+        with pytest.raises(MemoryError):
+            pool.submit(bytes, 3_000_000_000).result()
+
+
 def test_values_and_errors_come_back_whatever_a_call_prints(pool):
     prints = [pool.submit(print, "x" * 100_000), pool.submit(os.write, 1, b"\x80\x04")]
     assert [future.result() for future in prints] == [None, 2]

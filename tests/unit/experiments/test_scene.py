@@ -332,6 +332,7 @@ BOUNDS = """
 1 100 impact.bounces
 1 120 video.fps
 1 1000 video.magnify
+0.01 1 video.goal
 3 2e6 lattice.points
 4 2e6 wall.points
 64 2160 video.size

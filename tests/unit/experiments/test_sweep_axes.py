@@ -76,7 +76,7 @@ def test_axes_can_be_set_from_the_command_line():
     text = "sweep: {velocity: {geom: [3e-3, 5e-2, 12]}, seed: {range: 8}}\n"
     axes = ("velocity={lin: [0.01, 0.02, 2]}", "seed=[4]", "lattice.points=[500]")
     sweep = load_sweep(IMPACT + text, [f"sweep.{axis}" for axis in axes])
-    assert sweep.axes == ["velocity", "seed", "lattice.points"]
+    assert [*sweep.axes] == ["velocity", "seed", "lattice.points"]
     assert [scene.lattice.points for scene in sweep.scenes] == [500, 500]
     # in every section
     text = "sweep:\n  - {seed: [1, 2], eta_star: [3]}\n  - {velocity: [0.01]}\n"

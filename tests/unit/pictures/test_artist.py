@@ -4,7 +4,9 @@ back."""
 import gc
 import math
 import os
+import resource
 import signal
+import sys
 import threading
 import time
 from types import SimpleNamespace
@@ -13,8 +15,10 @@ import numpy as np
 import pytest
 
 from taichi_disk.base.errors import SimulationError
+from taichi_disk.base.processes.early import draw_early, picture_of
 from taichi_disk.base.processes.pool import Pool
 from taichi_disk.base.signals import deferred_interrupts
+from taichi_disk.pictures.render import artist as module
 from taichi_disk.pictures.render.artist import Artist, shared_array
 
 # methods of an object that are functions of libraries, which another process finds
@@ -42,6 +46,37 @@ def test_another_process_sees_what_is_written_into_an_array_that_it_has(artist):
         array[1] = value
         assert (artist.begin(np.array, array)() == array).all()
     assert array.sum() == 800
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory without a name")
+@pytest.mark.parametrize("is_refused", [True, False])
+def test_without_shared_memory_a_thread_does_what_the_process_would(
+    artist, monkeypatch, is_refused, tmp_path
+):
+    monkeypatch.setattr(module, "_shares_memory", True)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    if is_refused:
+        monkeypatch.delattr(os, "memfd_create")
+    else:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (10**6, limits[1]))
+    try:
+        assert shared_array((2000, 1000)).shape == (2000, 1000)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    monkeypatch.chdir(tmp_path)
+    with artist.employ(WORKER, "begun") as call:
+        call("make", "a")
+        call("change", "a")  # of this process
+    assert os.getcwd() == str(tmp_path / "a")
+
+
+def test_a_picture_that_was_drawn_early_is_used_once(artist):
+    artist.begin(draw_early, math.sqrt, 4.0)
+    artist.begin(draw_early, math.sqrt, -4.0)  # its error hides nothing
+    roots = [artist.begin(picture_of, math.sqrt, 9.0)() for _ in range(2)]
+    assert roots == [2.0, 3.0]
+    Artist().begin(draw_early, math.sqrt, 4.0)
+    assert picture_of(math.sqrt, 9.0) == 3.0
 
 
 @pytest.mark.parametrize("has_process", [True, False])

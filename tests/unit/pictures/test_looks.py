@@ -469,7 +469,7 @@ RUNS = {
 @pytest.mark.parametrize("name", RUNS)
 def test_plots(name, record):
     run = invented(*RUNS[name])
-    figure = run_figure(plot_scene(run.scenario, run.series, "e = 0.97 ± 0.01"))
+    figure = run_figure(plot_scene(run.scenario, run.series), "e = 0.97 ± 0.01")
     record(f"plot_{name}", of_figure(figure))
 
 
@@ -510,7 +510,9 @@ def rows_of(damping, lattices):
 @pytest.mark.parametrize("name", SWEEPS)
 def test_figures_of_sweeps(name, record):
     kind, axes, *numbers_of_rows = SWEEPS[name]
-    diagram = analyse(load_scene(kind), axes, rows_of(*numbers_of_rows))
+    scene = load_scene(kind)
+    homes = {name: scene.homes(name)[0] for name in axes}
+    diagram = analyse(scene, homes, rows_of(*numbers_of_rows))
     notes = list(of_figure(figure_to_change(diagram)))
     summaries = [curve.summary() for curve in diagram.curves[:2]]
     rows = [*map(str, curve_rows(summaries))]

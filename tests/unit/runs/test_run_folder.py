@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 from contextlib import suppress
 from pathlib import Path
 
@@ -337,6 +338,84 @@ def test_a_run_is_copied_if_folders_cannot_be_renamed(tmp_path, monkeypatch, cod
     assert os.listdir(tmp_path) == ["run"]
     with refused("holds another run"):
         compute(out, OTHER)
+
+
+@pytest.fixture
+def foreign(tmp_path, monkeypatch):
+    """Return a folder below one in which this user can make nothing, which root could
+    make otherwise."""
+    made = Path.mkdir
+
+    def mkdir(path, *options, **more):
+        if path.parent == tmp_path and not path.exists():
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        return made(path, *options, **more)
+
+    def temporary(dir):
+        if dir == tmp_path:
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        return tempfile.TemporaryFile(dir=dir)
+
+    (tmp_path / "run").mkdir()
+    monkeypatch.setattr(Path, "mkdir", mkdir)
+    monkeypatch.setattr("taichi_disk.base.files.TemporaryFile", temporary)
+    return tmp_path / "run"
+
+
+def test_a_folder_below_a_foreign_one_is_filled_and_replaced(foreign):
+    for mark in ("old", "new"):
+        assert compute(foreign, mark=mark, files=("frames/1.png",)) == foreign
+        assert content(foreign)["plot.png"] == content(foreign)["frames/1.png"] == mark
+        assert {one.name for one in foreign.iterdir()} == {*RUN, "frames"}
+    with refused("holds another run"):
+        compute(foreign, OTHER)
+    assert compute(foreign, OTHER, overwrite=True, mark="third") == foreign
+    assert {one.name for one in foreign.iterdir()} == RUN
+
+
+def test_a_failed_run_that_finds_no_place_says_where_it_is(foreign, notices):
+    compute(foreign)
+
+    move = os.replace
+
+    def replace(old, new):
+        if Path(old).is_dir():
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        move(old, new)
+
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(SimulationError):
+        patch.setattr(os, "replace", replace)
+        with run_folder(foreign, SCENE, False) as folder:
+            end(folder, "failed")
+            raise SimulationError
+    assert folder.out.parent == foreign
+    assert notices.messages[-1].endswith(f"it stays in {folder.out}")
+
+
+@pytest.mark.parametrize("letter", ["c", "\u00e9", "\u4e2d"])
+def test_a_name_as_long_as_the_file_system_allows_is_taken(tmp_path, letter):
+    name = letter * (240 // len(letter.encode()))
+    for mark in ("old", "new"):
+        out = compute(tmp_path / name, mark=mark)
+        assert content(out)["plot.png"] == mark
+    assert os.listdir(tmp_path) == [name]
+
+
+LOGS = ("run.log", "slurm-1234.out", ".snakemake_timestamp")
+
+
+def test_the_logs_of_other_programs_stay_in_a_folder_and_go_on(tmp_path):
+    (tmp_path / "run").mkdir()
+    logs = [(tmp_path / "run" / name).open("a") for name in LOGS]
+    for mark in ("old", "new"):
+        for log in logs:
+            print(mark, file=log, flush=True)
+        out = compute(tmp_path / "run", mark=mark)
+        assert out == tmp_path / "run"
+        assert content(out)["plot.png"] == mark
+        assert all(content(out)[name].endswith(f"{mark}\n") for name in LOGS)
+    assert {one.name for one in out.iterdir()} == {*RUN, *LOGS}
+    assert os.listdir(tmp_path) == ["run"]
 
 
 LITTER = "Thumbs.db desktop.ini ._plot.png .nfs000000001 .directory @eaDir .DS_Store"

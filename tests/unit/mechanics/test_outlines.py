@@ -1,0 +1,162 @@
+"""Bodies by their outlines: what is filled, and that everything else is refused."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+
+from taichi_disk.base.errors import InputError
+from taichi_disk.mechanics.lattice import Lattice
+from taichi_disk.mechanics.lattice.triangles import double_area
+
+TURN = np.arange(200) / 200.0 * 2.0 * math.pi
+CIRCLE = np.column_stack([np.cos(TURN), np.sin(TURN)])
+SPOKES = np.where(np.arange(10) % 2, 0.5, 1.0)[:, None]
+STAR = SPOKES * CIRCLE[::20] @ [[0.0, 1.0], [-1.0, 0.0]]
+ELL = np.array([[0, 0], [3, 0], [3, 1], [1, 1], [1, 3], [0, 3]])
+NOISE = 1.0 + 0.01 * np.random.default_rng(1).standard_normal((80, 1))
+MEASURED = CIRCLE[np.arange(80) * 200 // 80] * [1.2, 0.9] * NOISE
+SHAPES = {
+    "circle": 37.5 * CIRCLE + [500.0, -20.0],
+    "star": STAR,
+    "L": ELL,
+    "ring": [CIRCLE, 0.5 * CIRCLE],
+    "measured": MEASURED,
+    "fine": (1.0 + 1e-3 * np.sin(900.0 * np.linspace(0, 6.28, 10_000)))[:, None]
+    * np.column_stack([f(np.linspace(0.0, 6.28, 10_000)) for f in (np.cos, np.sin)]),
+}
+
+
+def svg(content):
+    return f'<svg xmlns="http://www.w3.org/2000/svg">{content}</svg>'
+
+
+def polygon_of(shape):
+    if isinstance(shape, list):
+        return shapely.Polygon(shape[0], shape[1:])
+    return shapely.Polygon(shape)
+
+
+def polar_moment(polygon, centre):
+    """Return the mean squared distance from `centre` over a polygon, by triangles."""
+    parts = shapely.get_parts(shapely.delaunay_triangles(polygon.segmentize(0.05)))
+    inside = [one for one in parts if polygon.contains(one.centroid)]
+    moment = 0.0
+    for one in inside:
+        corner = np.array(one.exterior.coords)[:3] - centre
+        sides = 0.5 * (corner + np.roll(corner, 1, axis=0))  # exact for squares
+        moment += one.area * (sides**2).sum(axis=1).mean()
+    return moment / sum(one.area for one in inside)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_the_body_has_area_centroid_and_polar_moment_of_its_outline(name):
+    polygon = polygon_of(SHAPES[name])
+    unit = math.sqrt(polygon.area / math.pi)
+    body = Lattice.outline(SHAPES[name], 1099)
+    area = 0.5 * double_area(body.positions[body.triangles]).sum()
+    assert len(body.masses) == 1099
+    assert area == pytest.approx(math.pi, rel=0.01)
+    assert np.abs(body.mean(body.positions)).max() < 0.02
+    if len(polygon.exterior.coords) < 1000:
+        centre = np.array(polygon.centroid.coords[0])
+        # a point on the edge has a whole mass, but only half of the area of the others
+        edge = shapely.get_coordinates(polygon.boundary.segmentize(1e-3 * unit))
+        on_edge = ((edge - centre) ** 2).sum(axis=1).mean()
+        half = 0.5 * polygon.length / unit / body.rest_lengths.mean() / 1099
+        moment = (1.0 - half) * polar_moment(polygon, centre) + half * on_edge
+        assert body.inertia == pytest.approx(moment / unit**2, rel=0.02)
+    assert f"1 R = {unit:.4g} units of the outline" in body.notes
+    assert body.whole == (name != "ring")
+
+
+def test_corners_are_points_and_sides_are_springs():
+    body = Lattice.outline(STAR, 400)
+    unit = math.sqrt(shapely.Polygon(STAR).area / math.pi)
+    gaps = np.abs(body.positions[:, None] - STAR / unit).sum(axis=2).min(axis=0)
+    assert gaps.max() < 1e-12
+    ring = shapely.Polygon(body.positions[body.disk_surface])
+    assert ring.symmetric_difference(shapely.Polygon(STAR / unit)).area < 1e-9
+
+
+def test_the_way_round_and_repeated_points_do_not_matter():
+    usual = Lattice.outline(ELL, 200, seed=3).positions
+    twice = np.repeat(np.roll(ELL, 2, axis=0)[::-1], 2, axis=0)
+    closed = np.concatenate([ELL, ELL[:1]])
+    for same in (twice, closed):
+        assert np.abs(Lattice.outline(same, 200, seed=3).positions - usual).max() < 1e-9
+    assert (Lattice.outline(ELL, 200, seed=3).positions == usual).all()
+    assert not (Lattice.outline(ELL, 200, seed=4).positions == usual).all()
+
+
+def test_a_drawing_gives_the_body_of_its_points(tmp_path):
+    path = tmp_path / "l.svg"
+    # y points downwards; a group, a view box, a hidden layer and words do not matter
+    path.write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="90mm" viewBox="0 0 30 30">'
+        '<g transform="translate(5 30) scale(1 -1)"><path d="M0 0h3v1h-2v2h-1z"/></g>'
+        '<g style="display:none"><path d="M0 0h30v30z"/></g>'
+        '<rect visibility="hidden" width="9" height="9"/><text>L</text></svg>'
+    )
+    drawn = Lattice.outline(path, 200)
+    assert drawn.origin == "l.svg, seed 0"
+    unit = math.sqrt(5.0 / math.pi)
+    assert drawn.notes == (f"1 R = {unit:.4g} units of the outline",)
+    corner = ELL / unit - np.array(shapely.Polygon(ELL).centroid.coords) / unit
+    gaps = np.abs(drawn.positions[:, None] - corner).sum(axis=2).min(axis=0)
+    assert gaps.max() < 1e-9
+    path.write_text(svg('<circle r="4"/><circle r="2"/>'))
+    assert not Lattice.outline(path, 300).whole
+
+
+FAULTS = {
+    "open.svg": (svg('<path d="M0 4A4 4 0 0 1 8 4"/>'), "open from (8, 4) to (0, 4)"),
+    "open.csv": ("\n".join(f"{k},{k * k / 90}" for k in range(90)), "a path is open"),
+    "bow.csv": ("0,0\n1,1\n1,0\n0,1", "not the edge of one body: Self-intersection[0."),
+    "two.svg": (
+        svg('<circle r="4"/><circle cx="9" r="4"/>'),
+        "Hole lies outside shell",
+    ),
+    "three.svg": (
+        svg('<circle r="9"/><circle r="6"/><circle r="4"/>'),
+        "Holes are nested[",
+    ),
+    "words.svg": (svg("<text>body</text>"), "words and images must be made paths"),
+    "empty.svg": (svg(""), "there are no paths"),
+    "empty.csv": ("x,y\n", "it has no points (x | y)"),
+    "pair.csv": ("0,0\n1,0", "a path has fewer than 3 points"),
+    "line.csv": ("0,0\n1,0\n2,0", "not the edge of one body"),
+    "broken.svg": ("<svg><path d=", "unclosed token"),
+    "slender.csv": ("0,0\n10,0\n10,1\n0,1", "the points extend over"),
+    "neck.svg": (
+        svg('<path d="M0 0h4v2.8h2v-2.8h4v6h-4v-2.8h-2v2.8h-4z"/>'),
+        "3.2) the body, a hole or a notch is too thin for springs of 0.4",
+    ),
+    "notch.svg": (svg('<path d="M0 0H40V40H43V0H80V80H0Z"/>'), "at (40, 40) the body"),
+    "dot.svg": (svg('<circle r="9"/><circle r=".3"/>'), "too thin for springs"),
+    "tip.csv": ("0,0\n4,.1\n4,2\n2,2\n2,.3\n0,.2", "too thin for springs"),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_faulty_file_gets_a_sentence(tmp_path, name):
+    content, sentence = FAULTS[name]
+    path = tmp_path / name
+    path.write_text(content)
+    with pytest.raises(InputError) as error:
+        Lattice.outline(path, 300)
+    text = str(error.value)
+    assert text.startswith(f"lattice.outline: {path}: ") and sentence in text
+
+
+@pytest.mark.parametrize("name", ["neck.svg", "notch.svg", "dot.svg"])
+def test_the_number_of_points_that_it_names_will_do(tmp_path, name):
+    path = tmp_path / name
+    path.write_text(FAULTS[name][0])
+    with pytest.raises(InputError) as error:
+        Lattice.outline(path, 300)
+    enough = int(str(error.value).split()[-2].replace(",", ""))
+    assert 300 < len(Lattice.outline(path, enough).masses) < 40_000
+    with pytest.raises(InputError):
+        Lattice.outline(path, enough // 2)
