@@ -12,9 +12,6 @@ from taichi_disk.experiments.config.sections import (
 from taichi_disk.mechanics.integrators import INTEGRATORS
 from taichi_disk.mechanics.potential import ExponentialPotential
 
-# longest flights under gravity in all [R/c]: some minutes, and some 300 MB of rows
-LONGEST_FLIGHTS = 3e4
-
 Conflicts: TypeAlias = list[tuple[str, str]]  # (dotted key, message)
 
 
@@ -68,47 +65,6 @@ def gap_conflicts(wall: ExponentialPotential, impact: ImpactSection) -> Conflict
         " that e would be wrong"
     )
     return [("impact.gap", f"{reason}: write at least {rounded_up(least)} R, or auto")]
-
-
-def bounce_conflicts(impact: ImpactSection, reach: float) -> Conflicts:
-    """Return the conflicts of gravity. `reach`: height up to which the disk feels the
-    wall [R]."""
-    g = impact.gravity
-    v = impact.velocity
-    if not g and (impact.bounces > 1 or impact.drop):
-        text = "nothing falls back without gravity: write impact.gravity, too"
-        return [("impact.bounces", text)]
-    if not g:
-        return []
-    most = f"{0.99 * 0.5 * v**2 / reach:.2g}"
-    duration = impact.bounces * 2.0 * v / g
-    found = [
-        (
-            "impact.drop",
-            f"impact.velocity = {v:g} is not the speed of this fall: write"
-            f" {ImpactSection.velocity:g}, its default, or drop=0",
-            impact.drop and v != impact.fall_speed,
-        ),
-        (
-            "impact.gap",
-            "heights under gravity begin where the wall is hardly felt: write auto",
-            impact.gap != "auto",
-        ),
-        (
-            "impact.gravity",
-            f"the disk would lie on the wall, which it feels up to {reach:.2g} R: write"
-            f" at most {most}, or a higher velocity",
-            impact.rise < reach,
-        ),
-        (
-            "impact.gravity",
-            f"the flights would last {duration:.2g} R/c, of the paper's disk some"
-            f" {duration / 17e3:.1f} million steps: write a larger one, or fewer"
-            " bounces",
-            duration > LONGEST_FLIGHTS,
-        ),
-    ]
-    return [(key, text) for key, text, is_met in found if is_met]
 
 
 def least_threshold(wall: ExponentialPotential, velocity: float) -> float:

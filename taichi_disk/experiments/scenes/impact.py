@@ -27,11 +27,8 @@ from taichi_disk.experiments.computation.scenario import (
     time_text,
 )
 from taichi_disk.experiments.scenes import oblique
-from taichi_disk.experiments.scenes.conflicts import (
-    Conflicts,
-    bounce_conflicts,
-    gap_conflicts,
-)
+from taichi_disk.experiments.scenes.bounces import LATER, NAMES, bounce_conflicts
+from taichi_disk.experiments.scenes.conflicts import Conflicts, gap_conflicts
 from taichi_disk.experiments.scenes.scene import DiskScene
 from taichi_disk.mechanics.lattice import Lattice, disk_of
 from taichi_disk.mechanics.lattice.network import bending_compliance, network_stiffness
@@ -70,11 +67,6 @@ RESOLVED = 0.49
 
 LEAST_SHARE = 5e-4  # of the energy that is worth a word
 
-# results of the bounces after the first, under gravity
-LATER = {
-    f"restitution_{number}": (f"restitution e of bounce {number}", "")
-    for number in range(2, 101)
-}
 LABELS = {
     "restitution": ("restitution e", ""),
     **LATER,
@@ -225,8 +217,8 @@ class ImpactScene(DiskScene):
             path.append(contact + 1.2 * gap * rolling / self.impact.towards)
         x, y = lattice.positions[: lattice.disk_points].T
         reach = max(1.1, 0.1 + float(np.abs(x).max()))
-        top = max(2.0 + gap, 2.0 + self.impact.rise, float(y.max()))
-        return min(path) - reach, max(path) + reach, -0.1, top
+        top = max(2.0 + gap, 2.0 + self.impact.rise, y.max())
+        return min(path) - reach, max(path) + reach, -0.1, float(top)
 
     def _shape(self, body: Lattice, springs: Springs) -> Shape:
         disk = disk_of(body)
@@ -300,9 +292,8 @@ class ImpactScene(DiskScene):
         contact_time = max(hertz_time, half_bending_period)
         # 1 for the flight to the wall, 1/0.05 = 20 for the flight away, 1 in reserve
         flight_times = 22.0 * (gap + shape.outline_depth) / velocity
-        impact_time = 10.0 * contact_time
-        if self.impact.gravity:
-            impact_time += 2.0 * velocity / self.impact.gravity
+        # and for each impact a flight up and down, which lasts 2 v/g
+        impact_time = 10.0 * contact_time + 4.0 * self.impact.rise / velocity
         return float(flight_times + self.impact.bounces * impact_time)
 
 
@@ -358,9 +349,10 @@ class ImpactScenario(Scenario):
         last = {name: float(values[-1]) for name, values in columns.items()}
         impact = self.scene.impact
         if impact.gravity:
+            # It stays on the wall if no energy is left to lift it to its start.
             stored = sum(last[name] for name in of_kind("energy"))
-            stays = stored < columns["load"][0]  # the height of the start is too high
-            if stays or len(apexes(columns)) >= impact.bounces:
+            has_ended = len(apexes(columns)) >= impact.bounces
+            if has_ended or stored < columns["load"][0]:
                 return 0.0
             return abs(last["com_vy"]) / impact.gravity + self.gap / self.velocity
         spin = last["angular_momentum"] / self.shape.inertia
@@ -415,9 +407,8 @@ class ImpactScenario(Scenario):
     def result(self, columns: Columns) -> dict[str, float]:
         contact = Contact(columns)
         speeds = self._speeds(columns)
-        names = ["restitution", *LATER][: self.scene.impact.bounces]
-        ratios = (speeds[1:] / speeds[:-1]).tolist()
-        found = dict(zip(names, ratios, strict=False))
+        ratios = (speeds[1:] / speeds[:-1])[: self.scene.impact.bounces]
+        found = dict(zip(NAMES, ratios.tolist(), strict=False))
         found["contact_time"] = contact.end - contact.start
         if self.scene.is_oblique:
             inertia = self.shape.inertia
