@@ -466,7 +466,7 @@ export class Sandbox {
     this.shownMessage = key;
     // a place in a stroke, whose file is none of the user's
     const [, fault, x, y] = /svg: (.*?[[(](\S+?),? (\S+)[\])].*)/.exec(text) ?? [];
-    this.crossing = this.stroke.length && x ? [Number(x), -Number(y)] : null;
+    this.crossing = this.stroke.length && x ? [Number(x), Number(y)] : null;
     this.say(this.crossing ? fault : text);
   }
 
