@@ -464,6 +464,8 @@ def _stored(arrays: dict[str, Any], origin: str) -> Lattice:
     for word, name in _WORDS.items():
         if word in arrays and name not in arrays:
             arrays[name] = arrays.pop(word)
+    if "t" in arrays:
+        raise InputError("it is a state of a run, whose lattice is in lattice.npz")
     known = {*Lattice.__dataclass_fields__, "velocities", "unloaded", "wall_impedance"}
     for name in sorted(arrays.keys() - known):
         hint = did_you_mean(name, known)
