@@ -125,7 +125,7 @@ export class Sandbox {
       svg: () => download(this.outline, this.outlineName, "text/plain"),
       draw: () => this.sketch(!this.isSketching),
       csv: () => download(asText(ui.table, ","), "results.csv", "text/csv"),
-      copy: () => copy(asText(ui.table, "\t")),
+      copy: () => copy(asText(ui.table, "\t"), (text) => this.say(text), "Copied: paste it into a table."),
       projector: () => this.project(!node.hasAttribute("data-projector")),
       fold: () => this.fold(),
       more: () => (ui.more.ariaExpanded = node.toggleAttribute("data-more")),
