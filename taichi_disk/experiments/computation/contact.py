@@ -144,6 +144,11 @@ class Contact:
         return self._columns["vibration"] + self._columns["elastic"]
 
 
+def contacts_of(columns: Columns) -> list[Contact]:
+    """Return the contact of each bounce."""
+    return [Contact(columns, k) for k in range(len(flights(columns)) - 1)]
+
+
 def energy_error(columns: Columns) -> float:
     """Return the energy that a finished run has gained or lost by its errors, over the
     flight's energy at t = 0."""

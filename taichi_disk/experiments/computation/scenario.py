@@ -63,6 +63,11 @@ class Scenario(ABC):
     is_thrown: ClassVar[bool] = False
 
     @property
+    def falls_back(self) -> bool:
+        """Whether gravity brings the disk back to the wall."""
+        return self.is_thrown and self.model.load is not None
+
+    @property
     def stored_scene(self) -> Any:
         """The scene as files hold it: it reads user-supplied points and velocities from
         lattice.npz."""
@@ -135,6 +140,11 @@ class Scenario(ABC):
         return 1.0
 
     # ---- pictures
+
+    def result_texts(self, columns: Columns) -> list[str]:
+        """Return what pictures say about the results, one after the other as they
+        become known."""
+        return [self.words.marks[0].format(**self.result(columns))]
 
     def conclusion(self, columns: Columns) -> str:
         """Return one sentence on what has happened, or "", from the time series of a

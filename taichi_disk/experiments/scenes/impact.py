@@ -27,7 +27,12 @@ from taichi_disk.experiments.computation.scenario import (
     time_text,
 )
 from taichi_disk.experiments.scenes import oblique
-from taichi_disk.experiments.scenes.bounces import LATER, NAMES, bounce_conflicts
+from taichi_disk.experiments.scenes.bounces import (
+    LATER,
+    LOWERED,
+    NAMES,
+    bounce_conflicts,
+)
 from taichi_disk.experiments.scenes.conflicts import Conflicts, gap_conflicts
 from taichi_disk.experiments.scenes.scene import DiskScene
 from taichi_disk.mechanics.lattice import Lattice, disk_of
@@ -336,7 +341,7 @@ class ImpactScenario(Scenario):
     # ---- the end
 
     def end_bounds(self) -> dict[str, tuple[float, float]]:
-        if self.scene.impact.gravity:  # it may stay on the wall
+        if self.falls_back:  # it may stay on the wall
             return {}
         return {"com_vy": (0.0, np.inf), "lowest_y": (self.gap, np.inf)}
 
@@ -348,7 +353,7 @@ class ImpactScenario(Scenario):
         # entirely.
         last = {name: float(values[-1]) for name, values in columns.items()}
         impact = self.scene.impact
-        if impact.gravity:
+        if self.falls_back:
             # It stays on the wall if no energy is left to lift it to its start.
             stored = sum(last[name] for name in of_kind("energy"))
             has_ended = len(apexes(columns)) >= impact.bounces
@@ -459,7 +464,19 @@ class ImpactScenario(Scenario):
             text += f". Of the energy, {', '.join(parts)}"
         return f"{text}."
 
+    def result_texts(self, columns: Columns) -> list[str]:
+        if not self.falls_back:
+            return super().result_texts(columns)
+        found = self.result(columns)
+        values = [found[name] for name in NAMES if name in found]
+        return [
+            f"e{number} = ".translate(LOWERED) + f"{value:.3f}"
+            for number, value in enumerate(values, 1)
+        ]
+
     def motion(self, columns: Columns) -> Array:
+        if self.falls_back:
+            return columns["com_y"] - self.surface
         return columns["com_vy"] / self.velocity
 
     @property
@@ -467,6 +484,8 @@ class ImpactScenario(Scenario):
         motion = "velocity of the centre  [v]"
         if self.scene.is_oblique:
             motion = "normal velocity  [initial]"
+        if self.falls_back:
+            motion = "height  [R]"
         return Words(
             title=self._title(),
             symbol="e",

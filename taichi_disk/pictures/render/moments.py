@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.base.errors import InputError
+from taichi_disk.experiments.computation.contact import contacts_of
 from taichi_disk.experiments.computation.outcome import Outcome
 from taichi_disk.mechanics.lattice import Array
 from taichi_disk.pictures.plot import last_motion
@@ -34,6 +36,10 @@ _FLIGHT = 0.12  # film time of a flight over that of the contact
 # If a ringing is shown, the film moves on instead of standing still at the end.
 _RINGING_FLIGHT = 0.28
 _RINGING_END = 0.05
+# pace of several bounces: it doubles in this time, over the duration of a contact, up
+# to a value that grows with the distance from the contact
+_RAMP = 0.1
+_FASTEST_FLIGHT = 4.0
 _CHANGE = 0.2  # fraction of a flight in which the pace changes
 # samples of the pace of a whole film; a film of a part of the run keeps this pace
 _PACE_TIMES = 1000
@@ -115,7 +121,7 @@ def time_of(moment: Any, run: Run) -> float:
 def curve_span(run: Run) -> tuple[float, float]:
     """Return the first and last time of the curves beside a film [R/c]."""
     t = run.series["t"]
-    if not run.scenario.is_thrown:
+    if not run.scenario.is_thrown or run.scenario.falls_back:
         return float(t[0]), last_motion(run.series)
     contact = run.contact
     beside = BESIDE_CONTACT * (contact.end - contact.start)
@@ -128,8 +134,9 @@ def film_times(
     """Return the times (_PACE_TIMES,) [R/c] of a film over the times `whole`, at a pace
     that changes smoothly from the flights to the slow motion of the contact.
     `second_flight`: its film time over that of the contact."""
-    scenario = longest.scenario
-    if not scenario.is_thrown or scenario.scene.impact.bounces > 1:
+    if longest.scenario.falls_back:
+        return _times_of_bounces(longest)
+    if not longest.scenario.is_thrown:
         return longest.scenario.frame_times(longest.series, _PACE_TIMES)
     first = min(run.contact.start for run in runs)
     second = max(run.contact.end for run in runs)
@@ -144,6 +151,20 @@ def film_times(
     film_time = np.where(t < first, _FLIGHT, second_flight) * (second - first)
     fastest = np.maximum((1.0 + _CHANGE) * flight / film_time, 1.0)
     number = np.cumsum(1.0 / np.sqrt(1.0 + part * (fastest**2 - 1.0)))
+    return np.interp(np.linspace(number[0], number[-1], _PACE_TIMES), number, t)
+
+
+def _times_of_bounces(run: Run) -> Array:
+    """Return the times (_PACE_TIMES,) [R/c] of several bounces, at a pace that grows
+    with the distance from the nearest contact."""
+    contacts = contacts_of(run.series)
+    duration = run.contact.end - run.contact.start
+    t = np.linspace(0.0, run.series["t"][-1], 20 * _PACE_TIMES)
+    away = [np.abs(t - np.clip(t, one.start, one.end)) for one in contacts]
+    nearest = np.min(away, axis=0)
+    fastest = 1.0 + _FASTEST_FLIGHT * nearest.max() / duration
+    pace = np.minimum(1.0 + nearest / (_RAMP * duration), fastest)
+    number = np.cumsum(1.0 / pace)
     return np.interp(np.linspace(number[0], number[-1], _PACE_TIMES), number, t)
 
 
@@ -221,6 +242,8 @@ def ringing(run: Run) -> float:
     scenario = run.scenario
     if not scenario.is_thrown or len(scenario.lattice.wall_surface):
         return 1.0
+    if scenario.falls_back:
+        return 1.0
     columns = run.series
     elastic = columns["elastic"]
     dissipated = columns["dissipated"]
@@ -241,10 +264,10 @@ def captions(
     columns = run.series
     scenario = run.scenario
     peak = run.contact.greatest
-    result_time = columns["t"][-1]
+    results = scenario.result_texts(columns)
+    ends = [columns["t"][-1]]
     if scenario.is_thrown:
-        result_time = run.contact.end
-    result = scenario.words.marks[0].format(**scenario.result(columns))
+        ends = [one.end for one in contacts_of(columns)]
     _, curves_end = curve_span(run)
     times = [shot.t for shot in shots]
     rows = {name: np.interp(times, columns["t"], columns[name]) for name in columns}
@@ -260,10 +283,11 @@ def captions(
             time = BEFORE
         if scenario.is_thrown and shot.t > curves_end:
             time = AFTER.format(curves_end)
-        if shot.t >= result_time:
-            shown_result = result
+        if shot.t >= ends[0]:
+            known = bisect_right(ends, shot.t)
+            shown_result = results[:known][-1]
             after += 1
-            if len(lines) == 1:
+            if len(lines) == 1 and not scenario.falls_back:
                 lines = []  # the result is the same number with more digits
             if stronger > 1.0:
                 long = f"shown {stronger:g} times stronger"
