@@ -141,11 +141,6 @@ class Scenario(ABC):
 
     # ---- pictures
 
-    def result_texts(self, columns: Columns) -> list[str]:
-        """Return what pictures say about the results, one after the other as they
-        become known."""
-        return [self.words.marks[0].format(**self.result(columns))]
-
     def conclusion(self, columns: Columns) -> str:
         """Return one sentence on what has happened, or "", from the time series of a
         finished scene."""

@@ -10,7 +10,6 @@ LATER = {
     f"restitution_{number}": (f"restitution e of bounce {number}", "")
     for number in range(2, 101)
 }
-LOWERED = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 NAMES = ("restitution", *LATER)
 # longest flights in all [R/c]: some minutes, and some 300 MB of rows
 LONGEST_FLIGHTS = 3e4

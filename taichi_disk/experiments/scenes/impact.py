@@ -16,8 +16,7 @@ from taichi_disk.experiments.computation.contact import (
     CONTACT_LEVEL,
     Contact,
     apexes,
-    flight_energies,
-    flights,
+    restitutions,
 )
 from taichi_disk.experiments.computation.scenario import (
     Array,
@@ -29,7 +28,6 @@ from taichi_disk.experiments.computation.scenario import (
 from taichi_disk.experiments.scenes import oblique
 from taichi_disk.experiments.scenes.bounces import (
     LATER,
-    LOWERED,
     NAMES,
     bounce_conflicts,
 )
@@ -387,9 +385,10 @@ class ImpactScenario(Scenario):
         )
 
     def end_truncation_error(self, columns: Columns) -> float:
-        row = flights(columns)[1]
-        last = abs(float(columns["com_vy"][row]))
-        far = float(np.sqrt(last**2 + 2.0 * max(columns["wall"][row], 0.0)))
+        last = far = 0.0
+        if not self.falls_back:  # an apex is far from the wall
+            last = float(columns["com_vy"][-1])
+            far = float(np.sqrt(last**2 + 2.0 * max(columns["wall"][-1], 0.0)))
         gained = self.speed_before - self.velocity + far - last
         return POTENTIAL_CAUTION * gained / self.velocity
 
@@ -411,9 +410,7 @@ class ImpactScenario(Scenario):
 
     def result(self, columns: Columns) -> dict[str, float]:
         contact = Contact(columns)
-        speeds = self._speeds(columns)
-        ratios = (speeds[1:] / speeds[:-1])[: self.scene.impact.bounces]
-        found = dict(zip(NAMES, ratios.tolist(), strict=False))
+        found = dict(zip(NAMES, self.restitutions(columns), strict=False))
         found["contact_time"] = contact.end - contact.start
         if self.scene.is_oblique:
             inertia = self.shape.inertia
@@ -430,15 +427,16 @@ class ImpactScenario(Scenario):
             scales |= oblique.scales_along_the_wall(columns, self.outline, inertia)
         return scales
 
-    def _speeds(self, columns: Columns) -> Array:
-        """Return the speeds (flights,) [c] without the wall, at its surface."""
-        gravity = self.scene.impact.gravity
-        energies = flight_energies(columns, gravity, self.surface)
-        return np.array([self.speed_before, *np.sqrt(2.0 * energies[1:])])
+    def restitutions(self, columns: Columns) -> list[float]:
+        """Return e of each bounce."""
+        impact = self.scene.impact
+        before = self.speed_before
+        found = restitutions(columns, before, impact.gravity, self.surface)
+        return found[: impact.bounces]
 
     def conclusion(self, columns: Columns) -> str:
         before = self.speed_before
-        after = self._speeds(columns)[1]
+        after = before * self.restitutions(columns)[0]
         direction = ""
         if self.scene.is_oblique:
             along = columns["com_vx"]
@@ -464,16 +462,6 @@ class ImpactScenario(Scenario):
             text += f". Of the energy, {', '.join(parts)}"
         return f"{text}."
 
-    def result_texts(self, columns: Columns) -> list[str]:
-        if not self.falls_back:
-            return super().result_texts(columns)
-        found = self.result(columns)
-        values = [found[name] for name in NAMES if name in found]
-        return [
-            f"e{number} = ".translate(LOWERED) + f"{value:.3f}"
-            for number, value in enumerate(values, 1)
-        ]
-
     def motion(self, columns: Columns) -> Array:
         if self.falls_back:
             return columns["com_y"] - self.surface
@@ -482,16 +470,18 @@ class ImpactScenario(Scenario):
     @property
     def words(self) -> Words:
         motion = "velocity of the centre  [v]"
+        mark = "e = {restitution:.3f}"
         if self.scene.is_oblique:
             motion = "normal velocity  [initial]"
         if self.falls_back:
             motion = "height  [R]"
+            mark = "after the last bounce"
         return Words(
             title=self._title(),
             symbol="e",
             labels=LABELS,
             measured=MEASURED,
-            marks=("e = {restitution:.3f}", "contact time {contact_time:.4g} R/c"),
+            marks=(mark, "contact time {contact_time:.4g} R/c"),
             motion=motion,
             quality=("energy imbalance\n/ initial kinetic", "linear"),
             truncation_remedy="a larger impact.gap ends it farther from the wall",

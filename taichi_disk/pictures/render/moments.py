@@ -36,10 +36,9 @@ _FLIGHT = 0.12  # film time of a flight over that of the contact
 # If a ringing is shown, the film moves on instead of standing still at the end.
 _RINGING_FLIGHT = 0.28
 _RINGING_END = 0.05
-# pace of several bounces: it doubles in this time, over the duration of a contact, up
-# to a value that grows with the distance from the contact
-_RAMP = 0.1
-_FASTEST_FLIGHT = 4.0
+# time in which the pace of several bounces doubles, over the duration of a contact
+_RAMP = 0.15
+LOWERED = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 _CHANGE = 0.2  # fraction of a flight in which the pace changes
 # samples of the pace of a whole film; a film of a part of the run keeps this pace
 _PACE_TIMES = 1000
@@ -155,16 +154,13 @@ def film_times(
 
 
 def _times_of_bounces(run: Run) -> Array:
-    """Return the times (_PACE_TIMES,) [R/c] of several bounces, at a pace that grows
-    with the distance from the nearest contact."""
-    contacts = contacts_of(run.series)
-    duration = run.contact.end - run.contact.start
+    """Return the times (_PACE_TIMES,) [R/c] of a film of several bounces, whose pace
+    grows with the time to the nearest contact."""
     t = np.linspace(0.0, run.series["t"][-1], 20 * _PACE_TIMES)
+    contacts = contacts_of(run.series)
     away = [np.abs(t - np.clip(t, one.start, one.end)) for one in contacts]
-    nearest = np.min(away, axis=0)
-    fastest = 1.0 + _FASTEST_FLIGHT * nearest.max() / duration
-    pace = np.minimum(1.0 + nearest / (_RAMP * duration), fastest)
-    number = np.cumsum(1.0 / pace)
+    quicker = np.min(away, axis=0) / (_RAMP * (run.contact.end - run.contact.start))
+    number = np.cumsum(1.0 / (1.0 + quicker))
     return np.interp(np.linspace(number[0], number[-1], _PACE_TIMES), number, t)
 
 
@@ -262,12 +258,16 @@ def captions(
     """Return the pictures `shots` with the words of `run`. `stronger`: factor of its
     `ringing`, which grows from 1 over `ease` pictures."""
     columns = run.series
-    scenario = run.scenario
+    scenario: Any = run.scenario
     peak = run.contact.greatest
-    results = scenario.result_texts(columns)
+    results = [scenario.words.marks[0].format(**scenario.result(columns))]
     ends = [columns["t"][-1]]
     if scenario.is_thrown:
         ends = [one.end for one in contacts_of(columns)]
+    if scenario.falls_back:
+        results = []
+        for number, e in enumerate(scenario.restitutions(columns), 1):
+            results.append(f"e{number} = ".translate(LOWERED) + f"{e:.3f}")
     _, curves_end = curve_span(run)
     times = [shot.t for shot in shots]
     rows = {name: np.interp(times, columns["t"], columns[name]) for name in columns}
