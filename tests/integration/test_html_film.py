@@ -637,7 +637,7 @@ def test_a_table_takes_the_addresses_of_others_and_survives_a_reload(browser, th
     faults = "return document.getElementById('faults').innerText"
     browser.wait(lambda: "v=0.5" in browser.script(faults))
     assert "v=3&eta=x: eta: “x” is not read as a number" in browser.script(faults)
-    assert "v must be from 0.001 to 0.1" in browser.script(faults)
+    assert "0.5 is beyond the slider: 0.1." in browser.script(faults)
     expected = ["0.02", "0.1", "0.04"]
     browser.wait(lambda: browser.script(SPEEDS) == expected)
     dots = "return document.querySelectorAll('#diagram b').length"
@@ -732,7 +732,7 @@ def test_an_old_browser_is_told_which_browsers_play_the_film(browser, thrown):
     browser.errors()
 
 
-def test_what_the_page_cannot_compute_has_no_sliders(browser, folder):
+def test_a_film_that_plays_what_was_recorded_has_no_sliders(browser, folder):
     assert packed(folder / "film.html")[0]["again"] is None
     opened(browser, folder / "film.html")
     assert not browser.visible("throw")

@@ -122,7 +122,7 @@ export class Sandbox {
       picture: async () => download(await drawing.picture(panel.title), "disk.png", "image/png"),
       yaml: () => download(this.scene, "scene.yaml", "text/yaml"),
       csv: () => download(asText(ui.table, ","), "results.csv", "text/csv"),
-      copy: () => copy(asText(ui.table, "\t")),
+      copy: () => copy(asText(ui.table, "\t"), (text) => this.say(text), "The table is copied."),
       projector: () => this.project(!node.hasAttribute("data-projector")),
       fold: () => this.fold(),
       more: () => (ui.more.ariaExpanded = node.toggleAttribute("data-more")),
