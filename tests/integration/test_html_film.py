@@ -736,3 +736,58 @@ def test_a_film_that_plays_what_was_recorded_has_no_sliders(browser, folder):
     assert packed(folder / "film.html")[0]["again"] is None
     opened(browser, folder / "film.html")
     assert not browser.visible("throw")
+
+
+# speeds and viscosities at the ends of the sliders and between them
+CORNERS = [
+    (v, eta) for v in (0.001, 0.005, 0.02, 0.05, 0.1) for eta in (0, 10, 50, 100)
+]
+# Note the longest time that the page did not answer [ms].
+WATCH = """
+window.longest = 0;
+let before = performance.now();
+(function answer() {
+  window.longest = Math.max(window.longest, performance.now() - before);
+  before = performance.now();
+  setTimeout(answer, 5);
+})();"""
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("kind", ["chromium", "firefox"])
+def test_all_corners_of_the_sliders_are_thrown_and_the_page_answers(
+    browsers, kind, tmp_path
+):
+    path = api.run(load_scene("ringing_disk"), lattices=1).film(tmp_path / "film.html")
+    browser = browsers(kind)
+    browser.driver.get(path.as_uri())
+    browser.wait(lambda: browser.script("return document.querySelector('figcaption')"))
+    browser.wait(lambda: title_of(browser))
+    browser.script(WATCH)
+    e = []
+    waits = []
+    for v, eta in CORNERS:
+        browser.script("window.longest = 0")
+        began = time.monotonic()
+        browser.script("location.hash = arguments[0]", f"#v={v}&eta={eta}")
+        shown = f"v = {v} c   η* = {eta} "
+        browser.wait(lambda one=shown: one in title_of(browser), seconds=120.0)
+        duration = time.monotonic() - began
+        longest = browser.script("return window.longest")
+        browser.script("document.getElementById('list').open = true")
+        row = "return document.querySelector('#table td:nth-child(2)').title"
+        e.append(float(browser.script(row)))
+        waits.append(longest)
+        print(f"{v} {eta}: e = {e[-1]:.4f}, {duration:.1f} s, waited {longest:.0f} ms")
+    # e falls with the viscosity at each speed, and with the speed at each viscosity.
+    table = np.reshape(e, (5, 4))
+    assert (np.diff(table, axis=1) < 0.0).all()
+    assert (np.diff(table, axis=0) < 0.0).all()
+    assert np.median(waits) < 100.0
+    assert max(waits) < 500.0
+    browser.script("location.hash = '#v=0.001&eta=100'")
+    browser.wait(lambda: browser.script("return document.querySelector('.busy')"))
+    browser.script("window.longest = 0; document.getElementById('stop').click()")
+    assert not browser.script("return document.querySelector('.busy')")
+    assert browser.script("return window.longest") < 100.0
+    assert browser.errors() == []
