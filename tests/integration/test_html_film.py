@@ -5,8 +5,11 @@ import json
 import os
 import re
 import signal
+import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
 import pytest
@@ -435,6 +438,7 @@ def test_a_page_steps_as_velocity_verlet_does_and_knows_every_colour(
 
 SAYS = "return document.getElementById('told').textContent"
 HERE = "return location.hash"
+TITLE = "return document.querySelector('figcaption .faint')?.innerText"
 
 
 def throw_at(browser, path, address=""):
@@ -532,9 +536,8 @@ def numbers_in(browser):
 
 
 def test_an_address_is_read_as_people_write_it_or_named(browser, thrown):
-    throw_at(browser, thrown)
+    throw_at(browser, thrown, "#v=0.03&eta=50")
     for address, numbers, words in ADDRESSES:
-        throw_at(browser, thrown, "#v=0.03&eta=50")
         browser.script("location.hash = arguments[0]", address)
         browser.wait(lambda one=numbers: numbers_in(browser) == one)
         assert words in browser.text("told"), address
@@ -675,28 +678,52 @@ def test_copy_link_says_what_was_copied_or_shows_it(browser, thrown):
         assert not browser.script("return document.querySelector('.copied')")
 
 
-@pytest.mark.parametrize("kind", ["chromium", FIREFOX])
+FRAMES = [
+    "frame.sandbox = 'allow-scripts'; frame.src = film;",
+    "frame.srcdoc = text;",
+    "frame.sandbox = 'allow-scripts'; frame.srcdoc = text;",
+    "frame.src = URL.createObjectURL(new Blob([text], { type: 'text/html' }));",
+    "frame.src = `data:text/html;charset=utf-8,${encodeURIComponent(text)}`;",
+]
+
+
+def test_copy_link_of_a_site_is_the_whole_address(browser, thrown):
+    serve = partial(SimpleHTTPRequestHandler, directory=thrown.parent)
+    browser.connect(True)
+    with ThreadingHTTPServer(("127.0.0.1", 0), serve) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        page = f"http://127.0.0.1:{server.server_port}/{thrown.name}"
+        browser.driver.get(f"{page}#v=0.1&eta=15")
+        browser.wait(lambda: title_of(browser))
+        browser.script(CLIPBOARD)
+        browser.click("link")
+        browser.wait(lambda: browser.text("told") == "Copied: send it, or open it.")
+        assert browser.script("return window.copied") == f"{page}#v=0.1&eta=15"
+        server.shutdown()
+
+
+@pytest.mark.parametrize(
+    ("kind", "frames"),
+    [
+        ("chromium", FRAMES[:1]),
+        pytest.param("chromium", FRAMES[1:], marks=pytest.mark.validate),
+        pytest.param("firefox", FRAMES, marks=pytest.mark.validate),
+    ],
+    ids=["sandbox", "chromium", "firefox"],
+)
 def test_it_throws_in_frames_that_have_no_address_and_no_store(
-    browsers, kind, thrown, tmp_path
+    browsers, kind, frames, thrown, tmp_path
 ):
     browser = browsers(kind)
     page = tmp_path / "page.html"
     page.write_text("<meta charset=utf-8><iframe id=frame></iframe>")
-    for attributes in (
-        "frame.sandbox = 'allow-scripts'; frame.src = film;",
-        "frame.srcdoc = text;",
-        "frame.sandbox = 'allow-scripts'; frame.srcdoc = text;",
-        "frame.src = URL.createObjectURL(new Blob([text], { type: 'text/html' }));",
-        "frame.src = `data:text/html;charset=utf-8,${encodeURIComponent(text)}`;",
-    ):
+    for frame in frames:
         browser.driver.get(page.as_uri())
-        load = f"const [film, text] = arguments; {attributes}"
+        load = f"const [film, text] = arguments; {frame}"
         browser.script(load, thrown.as_uri(), thrown.read_text())
         browser.driver.switch_to.frame(0)
         try:
-            browser.wait(
-                lambda: browser.script("return window.told") and title_of(browser)
-            )
+            browser.wait(lambda: browser.script(TITLE))
             browser.driver.find_element("id", "link").click()  # as a user may
             browser.wait(lambda: "Copied #v=0.05&eta=10" in browser.text("told"))
             browser.type("eta", "9")
@@ -716,6 +743,30 @@ def test_a_thrown_film_stops_at_its_end_and_plays_from_the_start_again(browser, 
     assert browser.script(place) == browser.script("return Number(moment.max)")
     browser.click("play")
     browser.wait(lambda: browser.script(place) < 15)
+
+
+# smallest height of the picture of a film that is thrown [px]
+THROWN_HEIGHTS = [((390, 844), 330), ((834, 640), 390), ((834, 480), 400)]
+THROWN_HEIGHTS += [((1100, 560), 480), ((1366, 768), 550), ((480, 360), 230)]
+
+
+def test_sliders_have_room_and_throw_stays_where_it_is(browser, thrown):
+    top = "return document.getElementById('throw').getBoundingClientRect().top"
+    for size, least in THROWN_HEIGHTS:
+        browser.resize(size)
+        throw_at(browser, thrown, "#v=0.1&eta=0&goal=0.9")
+        height = browser.script("return document.querySelector('canvas').clientHeight")
+        assert height >= least, size
+        slider = "return document.querySelector('#numbers [type=range]').clientWidth"
+        assert browser.script(slider) >= 160
+        before = browser.script(top)
+        for text in ("", "★★ e = 0.905, too fast: more viscosity, or a faster throw"):
+            browser.script("verdict.textContent = arguments[0]", text)
+            assert browser.script(top) == before
+        browser.script(MOVE, 19)
+        assert browser.script(top) == before, size
+        if size[0] < 600:
+            assert browser.script(slider) > 0.6 * size[0]
 
 
 def test_an_old_browser_is_told_which_browsers_play_the_film(browser, thrown):

@@ -370,6 +370,7 @@ async function play() {
   }
 
   function setPlaying(yes) {
+    if (yes && place === last) place = 0;
     isPlaying = yes;
     ui.play.textContent = yes ? "Pause" : "Play";
   }
@@ -413,10 +414,7 @@ async function play() {
     show();
   };
   ui.moment.oninput = () => goTo(Number(ui.moment.value));
-  ui.play.onclick = () => {
-    if (place === last) place = 0;
-    setPlaying(!isPlaying);
-  };
+  ui.play.onclick = () => setPlaying(!isPlaying);
   const seen = new IntersectionObserver(([entry]) => (isVisible = entry.isIntersecting));
   seen.observe(document.body); // in a frame
   const resized = new ResizeObserver(arrange);

@@ -33,8 +33,7 @@ function readAddress(address) {
   const parts = new URLSearchParams(`all=${text}`).get("all").split(BETWEEN);
   for (const part of parts.filter((one) => one.trim())) {
     const [name, value = ""] = part.split(/=(.*)/s).map((one) => one.trim());
-    const all = ADDRESS_NAMES.map((names) => names.split(" "));
-    const key = all.find((names) => names.includes(name.toLowerCase()))?.[0];
+    const key = ADDRESS_NAMES.find((names) => names.split(" ").includes(name.toLowerCase()))?.split(" ")[0];
     const number = key === "goal" && value === "none" ? 0 : readNumber(value);
     if (!key || key in numbers) unread.push(key ? `${name}, a second time` : name.slice(0, 40));
     else if (Number.isNaN(number)) faults.push(`${name}: ${notRead(value)}.`);
