@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import re
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -21,7 +22,7 @@ from taichi_disk.base.errors import (
     printable,
     system_message,
 )
-from taichi_disk.base.machine import cores
+from taichi_disk.base.machine import cores, foreign_packages
 from taichi_disk.base.progress import terminal
 from taichi_disk.base.signals import INTERRUPTED, raise_if_interrupted
 from taichi_disk.experiments.config.sections import VideoSection
@@ -50,7 +51,7 @@ def main(argv: Sequence[str]) -> int:
             return 0
         arguments = parser.parse_args(argv)
         raise_if_interrupted()
-        status = arguments.command(arguments) or 0
+        status = _carry_out(arguments)
         if sys.stdout is not None:  # it may be closed
             sys.stdout.flush()
         return status
@@ -77,6 +78,19 @@ def main(argv: Sequence[str]) -> int:
         if isinstance(error, PermissionError):
             return InputError.exit_status
         return 1
+
+
+def _carry_out(arguments: argparse.Namespace) -> int:
+    """Return the exit status of a command. Raises TaichiDiskError, with what helps, if
+    a package from elsewhere cannot be imported."""
+    try:
+        return arguments.command(arguments) or 0
+    except ImportError as error:
+        foreign = foreign_packages()
+        if not foreign:
+            raise
+        reason = " ".join(str(error).split())
+        raise TaichiDiskError(f"{reason} ({foreign})") from None
 
 
 def _check_environment() -> None:
@@ -283,7 +297,9 @@ def _doctor(arguments: argparse.Namespace) -> int:
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        if "unrecognized arguments" in message:
+        if re.search(r"unrecognized arguments: .*\.ya?ml", message):
+            message += "; a command takes one scene: write a command for each"
+        elif "unrecognized arguments" in message:
             message += (
                 "; run, sweep, view, check and accuracy change a key of the scene with"
                 " --set SECTION.KEY=VALUE, e.g. --set material.eta_star=30; render has"
@@ -465,10 +481,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     when(
         "--times",
-        type=float,
         nargs="+",
         metavar="T",
-        help="times of the states, ascending [R/c]",
+        help="times of the states, ascending [R/c], or words as for render --at",
     )
     add(
         "--out",

@@ -1,11 +1,16 @@
 """Options and fixtures of all tests."""
 
 import gc
+import os
 import signal
+import sys
 from functools import partial
 
 import pytest
 
+# Else each of the processes that tests start compiles all modules anew.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 # a shell ignores Ctrl-C for commands in the background
 signal.signal(signal.SIGINT, signal.default_int_handler)
 gc.disable()  # until all tests are found: they and their modules stay to the end
@@ -51,6 +56,15 @@ def pytest_collection_modifyitems(
             item.path.stem not in SANDBOX,
         )
     )
+
+
+def pytest_sessionfinish() -> None:
+    """Let Taichi save its kernels, so that the next session finds them compiled."""
+    from taichi_disk.base import engine
+
+    module = engine.loaded()
+    if module:
+        module.reset()
 
 
 def pytest_make_parametrize_id(val, argname):

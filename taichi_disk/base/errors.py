@@ -8,7 +8,6 @@ import logging
 import os
 import re
 import sys
-from collections import Counter
 from collections.abc import Iterable
 from importlib.util import find_spec
 from numbers import Integral
@@ -40,9 +39,14 @@ class NoPictures(TaichiDiskError):
     """This machine cannot draw pictures. It can still write pages."""
 
 
-def by_kind(texts: Iterable[str]) -> Counter[str]:
-    """Return how many of the `texts` differ only in numbers, which become dots."""
-    return Counter(re.sub(r"[-+]?\d[-+.e\d]*", "…", text) for text in texts)
+def by_kind(texts: Iterable[str]) -> list[tuple[str, int]]:
+    """Return the first of the `texts` that differ only in numbers, and how many there
+    are, for each kind."""
+    kinds: dict[str, list[str]] = {}
+    for text in texts:
+        kind = re.sub(r"[-+]?\d[-+.e\d]*", "", text)
+        kinds.setdefault(kind, []).append(text)
+    return [(alike[0], len(alike)) for alike in kinds.values()]
 
 
 def pip_install(what: str) -> str:
@@ -118,6 +122,8 @@ def shown_path(path: object) -> str:
 def reason(error: BaseException) -> str:
     """Return the message of `error`; for an OSError only the system's words, because
     the caller names the file."""
+    if isinstance(error, ModuleNotFoundError):
+        return f"it needs {error.name}: {pip_install(str(error.name))}"
     if not isinstance(error, OSError):
         return str(error)
     if isinstance(error, FileNotFoundError) and not _has_working_folder():

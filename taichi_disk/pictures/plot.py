@@ -6,6 +6,7 @@ Matplotlib takes 0.3 s to import, so it is imported only when something is drawn
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -56,6 +57,9 @@ VISIBLE_ENERGY = 2e-3
 PANEL_HEIGHTS = (1.2, 1.0, 1.5)
 # fractions of the figure
 LAYOUT = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}
+HEIGHT = 9.2  # of a figure whose title has two lines [in]
+LINE_HEIGHT = 0.16  # of a title [in]
+TITLE_WIDTH = 95  # [letters]
 FORCE_LABEL = "wall force  [Mc²/R]"
 ENERGY_LABEL = "energy  [Mc²]"
 RAISED = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -202,14 +206,24 @@ def plot_run(path: Path, scene: PlotScene, headline: str = "") -> None:
 def run_figure(scene: PlotScene, headline: str) -> Plot:
     """Return the plot of a run under the result to quote."""
     figure = picture_of(draw_plot, scene)
-    parameters = "    ".join(scene.words.title[1:])
-    title = f"{fill(parameters, 95)}\n{fill(headline, 95)}"
+    parameters = _parameters(scene)
+    quoted = fill(headline, TITLE_WIDTH).splitlines()
+    title = "\n".join([*parameters, *quoted])
+    # `draw_plot` has left room for one line to quote
+    size = 9.5 * min(1.0, (len(parameters) + 1) / (len(parameters) + len(quoted)))
     with matplotlib_style(STYLE):
         # a figure draws its title last in any case
         figure.draw_artist(
-            figure.suptitle(title.strip(), y=0.99, fontsize=9.5, fontweight="bold")
+            figure.suptitle(title, y=0.99, fontsize=size, fontweight="bold")
         )
     return figure
+
+
+def _parameters(scene: PlotScene) -> list[str]:
+    """Return the lines of the title that name the parameters, each unbroken."""
+    parts = "    ".join(scene.words.title[1:])
+    unbroken = re.sub(r"(?<! ) (?! )", "\u00a0", parts)
+    return fill(unbroken, TITLE_WIDTH).replace("\u00a0", " ").splitlines()
 
 
 def draw_plot(scene: PlotScene) -> Plot:
@@ -219,7 +233,8 @@ def draw_plot(scene: PlotScene) -> Plot:
     from taichi_disk.pictures.inline import Plot
 
     with matplotlib_style(STYLE):
-        figure = Plot(figsize=(7.6, 9.2), dpi=120)
+        further_lines = len(_parameters(scene)) - 1
+        figure = Plot(figsize=(7.6, HEIGHT + further_lines * LINE_HEIGHT), dpi=120)
         canvas = FigureCanvasAgg(figure)
         if scene.static:
             _draw_loading(figure, scene)
@@ -233,6 +248,12 @@ def draw_plot(scene: PlotScene) -> Plot:
     return figure
 
 
+def _layout(figure: Any) -> dict[str, float]:
+    """Return the place of the axes, which are as high under any title."""
+    part = HEIGHT / figure.get_figheight()
+    return LAYOUT | {name: part * LAYOUT[name] for name in ("bottom", "top")}
+
+
 def _draw_run(figure: Any, scene: PlotScene) -> None:
     words = scene.words
     columns = scene.columns
@@ -241,7 +262,11 @@ def _draw_run(figure: Any, scene: PlotScene) -> None:
     # layout="constrained" would draw everything twice and so double the time of a plot.
     axes = list(
         figure.subplots(
-            len(ratios), 1, sharex=True, height_ratios=ratios, gridspec_kw=LAYOUT
+            len(ratios),
+            1,
+            sharex=True,
+            height_ratios=ratios,
+            gridspec_kw=_layout(figure),
         )
     )
     axes.pop(2).remove()  # the legend of the energies takes the place of these axes
@@ -312,7 +337,7 @@ def _draw_loading(figure: Any, scene: PlotScene) -> None:
     xi = columns["xi"]
     load = columns["wall_force"]
     # room for half of the last number of the axis, such as 0.0175
-    layout = LAYOUT | {"right": 0.965}
+    layout = _layout(figure) | {"right": 0.965}
     force, energy = figure.subplots(
         2, 1, sharex=True, height_ratios=(2.0, 1.0), gridspec_kw=layout
     )

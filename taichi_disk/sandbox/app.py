@@ -52,7 +52,9 @@ def list_presets(first: Scene | None) -> list[Preset]:
     entries = []
     for group, rows in groups.items():
         for scene, change, name, question, *pace in rows:
-            load = partial(load_scene, scene, change.split())
+            beside = f"outline={path.parent}/"
+            changes = [one.replace("outline=", beside) for one in change.split()]
+            load = partial(load_scene, scene, changes)
             entries.append(Preset(name, question, load, group, *pace))
     if first is None:
         return entries

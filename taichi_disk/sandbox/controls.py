@@ -3,15 +3,19 @@ numbers, one of choices."""
 
 from __future__ import annotations
 
+import re
 import traceback
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
 from taichi_disk.base.errors import InputError, TaichiDiskError
+from taichi_disk.base.files import write_text
 from taichi_disk.experiments.config.sections import (
     SLIDERS,
     Boundary,
@@ -135,6 +139,9 @@ def values_of(key: str) -> tuple[str, ...]:
     return get_args(CHOICES[key][1])
 
 
+SVG = '<svg xmlns="http://www.w3.org/2000/svg"><path d="{}"/></svg>\n'
+
+
 class Preset(NamedTuple):
     """A scene of the list: its name, a question or its origin, the function that reads
     the scene, its group, and the speed of time with which it begins [R/c per s], with
@@ -173,6 +180,8 @@ class Controls:
         self.playlist = playlist
         self.number = 0
         self.refusals = 0
+        self._folder = TemporaryDirectory()  # of bodies that the user has drawn
+        self._drawings = 0
         self._take_pace()
         self.actions: dict[str, Callable[[], None]] = {}
         self.reference: list[tuple[str, str]] = []
@@ -299,6 +308,16 @@ class Controls:
         elif now is not None:
             self.sandbox.set(key, value)
 
+    def outline(self, path: str) -> None:
+        """Take the body that the user has drawn, a `path` of an SVG. Raises
+        TaichiDiskError."""
+        if not re.fullmatch("M[-0-9.L ]+Z", path):
+            return
+        self._drawings += 1
+        file = Path(self._folder.name, f"drawn-{self._drawings}.svg")
+        write_text(file, SVG.format(path))
+        self.sandbox.set("lattice.outline", str(file))
+
     def _set_points(self, value: float) -> None:
         most = max(MAX_POINTS, self.sandbox.scene.lattice.points)
         self.sandbox.set("lattice.points", int(min(value, most)))
@@ -356,7 +375,7 @@ class Controls:
         collecting. Raises TaichiDiskError."""
         sandbox = self.sandbox
         if sandbox.remaining_loads:
-            sandbox.collect([])
+            sandbox.stop_collecting()
         else:
             high = RANGES[load_key(sandbox.scene)].high
             loads = np.geomspace(high, high / CURVE_RATIO, CURVE_POINTS)

@@ -14,11 +14,11 @@ from taichi_disk.mechanics.lattice import Array
 from taichi_disk.mechanics.simulation.observables import INDEX, of_kind, split
 from taichi_disk.pictures.curves import LOOKS
 from taichi_disk.pictures.render.palette import full_scale, round_near
+from taichi_disk.sandbox.history import LOSSES, Segment, Timeline
 from taichi_disk.sandbox.sandbox import Sandbox, load_key, value_of
 
 MAX_CURVE_POINTS = 400  # most points of a curve
 _ENERGIES = [*of_kind("part"), "elastic", "wall", *of_kind("loss")]
-_LOSSES = [INDEX[name] for name in of_kind("loss")]
 # Graph and name of each curve, and its colours, which are those of films. The names
 # "flight" and "motion" depend on the scene.
 CURVES = [
@@ -28,48 +28,37 @@ CURVES = [
 ]
 
 
-class Graphs:
-    """Curves of `sandbox`: a whole hit in `message`, and single moments of the same hit
-    in `values`."""
+def graphs(time: Timeline) -> dict[str, Any]:
+    """Return times since the hit on display began [R/c] and the values of CURVES, at
+    most MAX_CURVE_POINTS of each."""
+    inertia = time.start.body.inertia
+    parts = []
+    for segment in time.hit_segments:
+        stored = segment.began + np.arange(segment.count) * segment.interval
+        times = np.append(stored, segment.now) - segment.hit_began
+        rows = np.vstack([segment.rows, segment.row])
+        parts.append(np.column_stack([times, curve_values(segment, rows, inertia)]))
+    known = np.concatenate(parts)
+    chosen = np.unique(np.linspace(0, len(known) - 1, MAX_CURVE_POINTS).astype(int))
+    t, *values = [_five_digits(curve) for curve in known[chosen].T]
+    scenario = time.segment.scenario
+    return {
+        "t": t,
+        "values": values,
+        "motion": scenario.words.momentary,
+        "flight": "flight" if scenario.is_thrown else "motion",
+    }
 
-    def __init__(self, sandbox: Sandbox) -> None:
-        self._sandbox = sandbox
 
-    def message(self) -> dict[str, Any]:
-        """Return times since the hit began [R/c] and the values of CURVES, at most
-        MAX_CURVE_POINTS of each."""
-        segments = self._sandbox.time.hit_segments
-        self._inertia = self._sandbox.time.start.body.inertia
-        self._scenario = segments[0].scenario
-        began = segments[0].hit_began
-        parts = []
-        lost = np.zeros(len(_LOSSES))
-        for segment in segments:
-            self._lost_before = lost
-            stored = segment.began + np.arange(segment.count) * segment.interval
-            times = np.append(stored, segment.now) - began
-            rows = np.vstack([segment.rows, segment.row])
-            parts.append(np.column_stack([times, self.values(rows)]))
-            lost = lost + segment.row[_LOSSES]
-        known = np.concatenate(parts)
-        chosen = np.unique(np.linspace(0, len(known) - 1, MAX_CURVE_POINTS).astype(int))
-        t, *values = [_five_digits(curve) for curve in known[chosen].T]
-        return {
-            "t": t,
-            "values": values,
-            "motion": self._scenario.words.momentary,
-            "flight": "flight" if self._scenario.is_thrown else "motion",
-        }
-
-    def values(self, rows: Array) -> Array:
-        """Return CURVES (rows, curves) of observables (rows, k): energies [M c^2],
-        force [M c^2/R], velocity or ξ."""
-        rows = rows.copy()
-        rows[:, _LOSSES] += self._lost_before
-        columns = split(dict(zip(INDEX, rows.T, strict=True)), self._inertia)
-        curves = [columns[name] for name in [*_ENERGIES, "wall_force"]]
-        curves.append(self._scenario.momentary_motion(columns))
-        return np.stack(curves, axis=1)
+def curve_values(segment: Segment, rows: Array, inertia: float) -> Array:
+    """Return CURVES (rows, curves) of observables (rows, k) of a segment: energies [M
+    c^2], force [M c^2/R], velocity or ξ. `inertia` [M R^2]: of the unloaded disk."""
+    rows = rows.copy()
+    rows[:, LOSSES] += segment.lost_before
+    columns = split(dict(zip(INDEX, rows.T, strict=True)), inertia)
+    curves = [columns[name] for name in [*_ENERGIES, "wall_force"]]
+    curves.append(segment.scenario.momentary_motion(columns))
+    return np.stack(curves, axis=1)
 
 
 def _five_digits(curve: Array) -> list[float]:

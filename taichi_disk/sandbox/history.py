@@ -9,6 +9,8 @@ from math import inf
 from time import perf_counter
 from typing import NamedTuple
 
+import numpy as np
+
 from taichi_disk.experiments.computation.driver import Driver, Status
 from taichi_disk.experiments.computation.scenario import Scenario
 from taichi_disk.experiments.computation.stability import Spectrum
@@ -17,7 +19,7 @@ from taichi_disk.experiments.scenes import Scene
 from taichi_disk.experiments.scenes.setup import body_of, spectrum_of
 from taichi_disk.mechanics.lattice import Array, Lattice
 from taichi_disk.mechanics.physics import MouseSpring
-from taichi_disk.mechanics.simulation.observables import INDEX
+from taichi_disk.mechanics.simulation.observables import INDEX, of_kind
 from taichi_disk.mechanics.simulation.simulation import MAX_STEPS, KernelCache
 from taichi_disk.mechanics.simulation.stepping import Snapshot
 
@@ -27,6 +29,8 @@ STORE_SPACING = 1.5e-2
 HIT_AGAIN = "hit again"
 DISTURBED = "disturbed"
 PULLED = "pulled"
+LOSSES = [INDEX[name] for name in of_kind("loss")]
+NOTHING_LOST = np.zeros(len(LOSSES))
 # stored states of a timeline, and their memory; then every second one is dropped
 MAX_STATES = 1280
 MAX_BYTES = 1.7e9
@@ -44,6 +48,7 @@ class Segment(Driver):
             begin again with a shorter step.
         began: time at which the segment began [R/c].
         hit_began: time at which the last start or further hit began [R/c].
+        lost_before: (losses,) what that hit had lost when the segment began [M c^2].
     """
 
     def __init__(
@@ -53,6 +58,7 @@ class Segment(Driver):
         label: str = "",
         began: float = 0.0,
         hit_began: float = 0.0,
+        lost_before: Array = NOTHING_LOST,
     ) -> None:
         super().__init__(control.scenario, control.step, kernels)
         self.last_step = MAX_STEPS  # there is no time limit
@@ -60,6 +66,7 @@ class Segment(Driver):
         self.label = label
         self.began = began
         self.hit_began = hit_began
+        self.lost_before = lost_before
 
     def advance(self, seconds: float = inf, steps: int | None = None) -> Status:
         """Advance as a `Driver` does; the disk still moves after the end, and the
@@ -93,6 +100,7 @@ class Segment(Driver):
             label=self.label,
             began=self.began,
             hit_began=self.hit_began,
+            lost_before=self.lost_before,
         )
 
 
@@ -182,9 +190,7 @@ class Timeline:
         self.spacing = STORE_SPACING * start.scenario.model.springs.time_unit
         self._follow(Segment(StepControl(start.scenario, start.spectrum), kernels))
 
-    def carry_on(
-        self, start: Start, label: str, velocities: Array | None = None
-    ) -> None:
+    def carry_on(self, start: Start, label: str, velocities: Array | None) -> None:
         """Begin another segment from the present state, or with other `velocities` (n,
         2) [c]. `start`: how the changed scene would start with this lattice.
 
@@ -204,12 +210,18 @@ class Timeline:
             velocities=now.v if velocities is None else velocities,
             point_force=point_force,
         )
+        hit_began = last.hit_began
+        lost_before = last.lost_before + now.row[LOSSES]
+        if label == HIT_AGAIN:
+            hit_began = now.t
+            lost_before = NOTHING_LOST
         segment = Segment(
             control=StepControl(scenario, self.start.spectrum),
             kernels=last.kernels,
             label=label,
             began=now.t,
-            hit_began=now.t if label == HIT_AGAIN else last.hit_began,
+            hit_began=hit_began,
+            lost_before=lost_before,
         )
         last.let_go()
         self._follow(segment)
@@ -299,20 +311,19 @@ class Timeline:
 
     # ---- the state on display
 
-    def look_at(self, t: float, later: int = 0) -> bool:
+    def look_at(self, t: float, later: int) -> bool:
         """Show the first state stored at or after the time `t` [R/c], or the stored
         state `later` places further.
 
         If there is none, show the present and return False.
         """
+        self.display = self.segment.present
         place = max(bisect_left(self.checkpoints, t, key=lambda one: one.t) + later, 0)
-        known = self.checkpoints[place : place + 1]
-        self.display = (
-            known[0]
-            if known and known[0].t < self.segment.now
-            else self.segment.present
-        )
-        return bool(known)
+        if place >= len(self.checkpoints):
+            return False
+        if self.checkpoints[place].t < self.segment.now:
+            self.display = self.checkpoints[place]
+        return True
 
     def cut(self) -> None:
         """Make the earlier state on display the present: all later states are

@@ -292,7 +292,7 @@ class Sandbox:
                 f"{segment.failure} (go back to the start or back in time, or change"
                 " something)"
             )
-        elif segment.status == "finished" != before:
+        elif segment.status == "finished" and before != "finished":
             self._finish(segment)
         return made
 
@@ -322,25 +322,28 @@ class Sandbox:
 
     def collect(self, loads: list[float]) -> None:
         """Run the present scene with each of `loads` (speeds [c] or pressures [M
-        c^2/R]) in turn; [] ends that.
+        c^2/R]) in turn.
 
         After the last load the disk is at the start again, with the load that it had
         before.
 
         Raises TaichiDiskError, and then leaves everything as it was.
         """
-        if loads:
-            key = load_key(self.scene)
-            before = (
-                self._load_before if self.remaining_loads else value_of(self.scene, key)
-            )
-            self.begin(with_key(self.scene, key, loads[0]))
-            self.time.spacing *= COLLECTING_SPACING
-            self.paused = False
-            self._load_before = before
-        elif self.time.segment.status == "finished":
-            self.paused = True  # as at the end of any other throw
+        key = load_key(self.scene)
+        load_before = value_of(self.scene, key)
+        if self.remaining_loads:
+            load_before = self._load_before
+        self.begin(with_key(self.scene, key, loads[0]))
+        self.time.spacing *= COLLECTING_SPACING
+        self.paused = False
+        self._load_before = load_before
         self.remaining_loads = loads
+
+    def stop_collecting(self) -> None:
+        """Leave out the loads that remain."""
+        self.remaining_loads = []
+        if self.time.segment.status == "finished":
+            self.paused = True  # as at the end of any other throw
 
     def remove(self, number: float) -> None:
         """Remove the row `number` of the table of results, counted from the oldest."""

@@ -11,11 +11,14 @@ import asyncio
 import json
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from taichi_disk.base.text_files import read_text
 from taichi_disk.mechanics.fields import Triangles
+from taichi_disk.mechanics.lattice import OwnStart, outline_name
 from taichi_disk.mechanics.simulation.observables import INDEX
 from taichi_disk.mechanics.simulation.simulation import KernelCache
 from taichi_disk.pictures.web.drawing import (
@@ -32,7 +35,7 @@ from taichi_disk.sandbox.controls import (
     described,
     values_of,
 )
-from taichi_disk.sandbox.graphs import CURVES, Graphs, ScaleMaxima
+from taichi_disk.sandbox.graphs import CURVES, ScaleMaxima, curve_values, graphs
 from taichi_disk.sandbox.sandbox import Sandbox, load_key, printed, value_of
 
 MAX_BYTES = 2**10  # limit of a page's message
@@ -43,7 +46,7 @@ _MAX_PENDING = 64
 # same name. Those of the page itself tell that it has drawn a state, ask whether the
 # program is there, or want a film.
 _METHODS = {
-    "controls": "press key, play number, set key value, collect",
+    "controls": "press key, play number, set key value, collect, outline path",
     "sandbox": "scrub t, turn angle final, aim dx dy, throw, pull x y, release, clear,"
     " remove number",
     "scales": "rescale",
@@ -68,7 +71,7 @@ def read_command(text: Any) -> dict[str, Any] | None:
         content = json.loads(text)
         message = {name: content[name] for name in ("do", *_COMMANDS[content["do"]][1])}
         key = message.get("key")
-        words = ["do", "key"]
+        words = ["do", "key", "path"]
         if key in CHOICES:
             words.append("value")
         is_valid = key in (*RANGES, *CHOICES) or message["do"] != "set"
@@ -100,7 +103,6 @@ class Session:
         cannot be built."""
         self.sandbox = Sandbox(playlist[0].load(), kernels)
         self.controls = Controls(self.sandbox, playlist)
-        self.graphs = Graphs(self.sandbox)
         self.scales = ScaleMaxima(self.sandbox)
         self.number = 0
         self.news = asyncio.Event()
@@ -193,12 +195,22 @@ class Session:
         self._write("scene", self._scene_key(), self._scene)
         # While the scene is computed again, the old curves stay.
         if self.sandbox.time.lead <= 0.0:
-            self._write("graphs", self._graphs_key(), self.graphs.message)
+            time = self.sandbox.time
+            self._write("graphs", self._graphs_key(), lambda: graphs(time))
         state = self._state()
         panel = self._panel()
         self._write("panel", panel, lambda: panel)
-        self._write("yaml", scene, lambda: {"text": scene.to_yaml()})
+        self._write("yaml", scene, self._saved)
         self.messages["state"] = state
+
+    def _saved(self) -> dict[str, str]:
+        """Return the scene as a file, which names the outline that is sent with it."""
+        scene = self.sandbox.scene
+        message = {"text": OwnStart().repeating(scene).to_yaml()}
+        if scene.lattice.outline != "none":
+            message["name"] = outline_name(scene.lattice)
+            message["outline"] = read_text(Path(scene.lattice.outline))
+        return message
 
     def _scene_key(self) -> Any:
         """The scene is sent again if the lattice, the start or the wall's drawing
@@ -270,7 +282,8 @@ class Session:
             scales.colour,
             scales.force,
         ]
-        curves = self.graphs.values(state.row[None])[0]
+        inertia = self.sandbox.time.start.body.inertia
+        curves = curve_values(state.segment, state.row[None], inertia)[0]
         parts = [header, state.row, curves, x.ravel(), values, forces.ravel()]
         floats = np.concatenate(parts).astype("<f4")
         return floats.tobytes() + self._caption(t).encode()
@@ -382,6 +395,8 @@ def _card(entry: Preset) -> dict[str, Any]:
     if entry.group:
         scene = entry.load()
         card["kind"] = scene.scene
+        if scene.lattice.outline != "none":
+            card["outline"] = read_text(Path(scene.lattice.outline))
         for key in _SKETCHED:
             card[key.partition(".")[2]] = value_of(scene, key)
     return card

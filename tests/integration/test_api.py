@@ -459,8 +459,24 @@ def test_spin_and_turn_are_those_of_the_start(result):
     ["soon", [[1.0], [1.0, 2.0]], [], [2.0, 1.0], [-1.0], [1e9], [np.nan], [10**400]],
 )
 def test_times_outside_the_run_are_refused(result, times):
-    with pytest.raises(InputError, match="times"):
+    with pytest.raises(InputError, match=r"no moment|times: must be ascending"):
         result.trajectory(times)
+
+
+def test_a_moment_is_a_number_of_any_kind_or_a_word_at_every_door(result, tmp_path):
+    contact = result.contact.first_sample
+    moments = ("contact", contact, str(contact), np.array(contact), np.array([contact]))
+    states = [result.state(moment) for moment in moments]
+    result.export(tmp_path / "a.npz", times=["contact"])
+    fields = [result.field("pressure", moment).values for moment in moments]
+    times, *_ = result.trajectory(["contact", "end"])
+    assert {times[0], *(state.t for state in states)} == {states[0].t}
+    assert all((one == fields[0]).all() for one in fields)
+    assert np.load(tmp_path / "a.npz")["t"].tolist() == [states[0].t]
+    with pytest.raises(
+        InputError, match="no moment soon: write greatest, contact, end"
+    ):
+        result.state("soon")
 
 
 DISK = Lattice.disk(60, seed=3)

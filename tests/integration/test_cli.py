@@ -208,6 +208,7 @@ def test_check_refuses_what_run_refuses_and_in_the_same_words(
     ("wrong", "advice"),
     [
         (["jump"], "usage: taichi-disk"),
+        (["run", "a.yaml", "b.yaml"], "b.yaml; a command takes one scene"),
         (["run"], "usage: taichi-disk"),
         (["run", "a", "--threads", "0"], "whole number from 1"),
         (["run", "wall", "--eta", "30"], "--set material.eta_star=30"),

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from taichi_disk.mechanics.fields import QUANTITIES, Triangles, at_points
 from taichi_disk.pictures.render import artist
 from taichi_disk.pictures.web.drawing import FILM, bundle
 from taichi_disk.runs import api
+from taichi_disk.sandbox import session
 from tests.browser import Browser
 
 
@@ -387,6 +389,7 @@ const colours = films[0].scene.quantities.map(({ name }) =>
 window.computed = JSON.stringify({ found, colours });"""
 
 
+ELL = Path(session.__file__).with_name("ell.svg")
 FIREFOX = pytest.param("firefox", marks=pytest.mark.validate)
 
 
@@ -400,6 +403,7 @@ def test_a_page_steps_as_velocity_verlet_does_and_knows_every_colour(
         {},
         {"lattice.points": 160, "lattice.seed": 3},
         {"lattice.hole": 0.4, "lattice.core_radius": 0.6, "lattice.core_density": 3.0},
+        {"lattice.outline": str(ELL)},
     ):
         result = api.run(throwable(**changes), lattices=1)
         film, _ = packed(result.film(tmp_path / "film.html"))

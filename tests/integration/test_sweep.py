@@ -667,7 +667,7 @@ def test_warnings_are_in_their_rows_and_counted_at_the_end(tmp_path, capsys):
     warned = ["turned inside out" in row["warnings"] for row in rows]
     assert warned == [float(row["velocity"]) > 0.5 for row in rows]
     (text,) = summary_in(tmp_path / "out")["warnings"]
-    assert text.startswith("2 of 4 points have a warning: ")
+    assert text.startswith("2 of 4 points have a warning, the first: ")
     assert f"warning: {text}" in capsys.readouterr().err
 
 

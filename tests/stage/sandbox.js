@@ -15,6 +15,7 @@ const HELLO = {
     card({ name: "Elastic", group: "Walls", kind: "absorbing_wall", boundary: "pinned", velocity: 0.09 }),
     card({ name: "Dashpots", group: "Walls", kind: "absorbing_wall", boundary: "dashpot" }),
     card({ name: "Load", group: "Loads", kind: "compression", pressure: 0.01, velocity: 0 }),
+    card({ name: "Square", group: "Bodies", outline: '<svg><path d="M-1-1h2v2h-2z"/></svg>' }),
     { name: "file", question: "From a folder.", group: "Loads" },
   ],
   keys: [["space", "throw"], ["Left Right", "in time"], ["t", "theme"], ["h", "hit"]],
@@ -378,6 +379,23 @@ function record() {
   step("the disk is turned", () => {
     drag("disk", at(0.7, 1.1), at(0.6, 1.6));
     drag("disk", at(0.7, 1.1), at(0.6, 1.6), { cancelled: true });
+  });
+
+  look("a body is drawn, over its start, and refused where it crosses itself", () => {
+    get("draw").click();
+    pointer(get("disk"), "pointerdown", ...at(1, 1));
+    for (let k = 1; k < 20; k++)
+      pointer(get("disk"), "pointermove", ...at(Math.cos(0.35 * k), 1 + Math.sin(0.35 * k)));
+    drawFrame();
+    pointer(get("disk"), "pointerup", ...at(1, 1));
+    show({ message: "lattice.outline: /tmp/drawn-1.svg: it crosses itself at (0.5, 1.5): no", refusals: 3 });
+    note(`  ${get("message").textContent}`);
+  });
+  step("the next one is a body, whose outline is saved", () => {
+    tell({ kind: "yaml", text: "scene: exponential_wall", outline: "<svg/>", name: "outline.svg" });
+    get("svg").click();
+    get("draw").click();
+    drag("disk", at(0.7, 1.1), at(0.7, 1.1));
   });
 
   step("the picture fails", () => {

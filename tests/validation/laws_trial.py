@@ -4,7 +4,7 @@ the parameters, and how often a law is refuted that holds, or one that does not.
     python -m tests.validation.laws_trial [--lattices 150] [--draws 1000]
 
 The program computes a population of small lattices, about half a minute, and draws
-sweeps of a few lattices from it. It prints the tables of docs/numerics.md.
+sweeps of a few lattices from it. Appendix F of docs/numerics.md has the extremes.
 """
 
 import argparse

@@ -12,7 +12,7 @@ from taichi_disk.experiments.computation.contact import Contact
 from taichi_disk.experiments.computation.scenario import Scenario
 from taichi_disk.mechanics.lattice import Array, Lattice
 from taichi_disk.mechanics.lattice.lattice import double_area
-from taichi_disk.mechanics.physics import Wall
+from taichi_disk.mechanics.physics import ElasticWall
 from taichi_disk.mechanics.simulation.observables import (
     BY_NAME,
     INDEX,
@@ -184,7 +184,7 @@ class EnergyBalance:
     energy without errors [M c^2].
     """
 
-    def __init__(self, start: Array, elastic: Wall | None) -> None:
+    def __init__(self, start: Array, elastic: ElasticWall | None) -> None:
         self.total = float(total_energy(start[None])[0])
         self._max_depth = np.inf
         if elastic is not None:
@@ -216,7 +216,7 @@ class EnergyBalance:
         names = ("kinetic", "elastic", "wall")
         stored = np.abs(rows[:, [INDEX[name] for name in names]]).sum(axis=1)
         work = np.abs(rows[:, INDEX["load"]] - self._load)
-        return np.asarray(stored + work)
+        return stored + work
 
     def give(self, energy: float) -> None:
         """Count energy [M c^2] that entered through `load` from outside, so that it is

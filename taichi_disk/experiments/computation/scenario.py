@@ -168,7 +168,7 @@ class Scenario(ABC):
         """Return a curve of the run's accuracy (rows,): by default the relative energy
         imbalance."""
         lost = columns["total"] - columns["total"][0]
-        return np.asarray(lost / self.energy_scale(columns))
+        return lost / self.energy_scale(columns)
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
         """Return the changing lines of one picture of a film from its observables."""

@@ -115,8 +115,8 @@ def impact_point_force(lattice: Lattice, model: Model, velocity: float) -> float
     """Estimate the largest force of the wall on one point in an impact [M c^2/R]; a run
     checks it."""
     # The quasi-static energy balance v^2/2 = pi E* xi^2/(2 ln(4/xi)) gives the largest
-    # compression and its force. Stopping a single point takes at least a m v^2/2, which
-    # is more on a hard wall at high speed.
+    # compression and its force. Stopping a single point within the decay length takes
+    # at least m v^2/2 over this length, which is more on a hard wall at high speed.
     assert model.wall is not None
     e_star = MODULUS * model.springs.modulus
     xi = velocity
@@ -124,7 +124,8 @@ def impact_point_force(lattice: Lattice, model: Model, velocity: float) -> float
         logarithm = np.log(4.0 / min(xi, 1.0))
         xi = min(velocity * np.sqrt(logarithm / (np.pi * e_star)), 1.0)
     contact_force = np.pi * e_star * xi / np.log(4.0 / xi)
-    force_on_lone_point = 0.5 * model.wall.a * float(lattice.masses.max()) * velocity**2
+    hardness = 1.0 / model.wall.decay_length
+    force_on_lone_point = 0.5 * hardness * float(lattice.masses.max()) * velocity**2
     force_on_point = contact_point_force(lattice, model, contact_force)
     return max(force_on_point, force_on_lone_point)
 

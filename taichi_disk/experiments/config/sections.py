@@ -98,7 +98,8 @@ class Key:
 
 
 def _is_file_name(text: str) -> bool:
-    return text != "" and _UNUSABLE.search(text) is None
+    is_misspelt = text.lower() in ("", "none") and text != "none"
+    return not is_misspelt and _UNUSABLE.search(text) is None
 
 
 def _shown(bound: float) -> str:

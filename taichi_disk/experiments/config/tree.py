@@ -27,6 +27,7 @@ from taichi_disk.base.text_files import read_text
 
 Source: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any]"
 Keys: TypeAlias = tuple[str, ...]  # from the top of the scene down to a value
+QUOTES = "a backslash in double quotes begins a special character: use single quotes"
 _TAG = "tag:yaml.org,2002:"
 _MAX_EXPLAINED = 20  # faults; a search for what was meant takes milliseconds
 
@@ -160,6 +161,8 @@ def parse(text: str, source: Mark, path: Keys = ()) -> Tree:
         if mark:
             where = source.moved(mark.line, mark.column)
         what = f"not readable as YAML: {error.problem or error.context}"
+        if "escape" in what:
+            what += f" ({QUOTES})"
         if "'\\t'" in what:
             what += " (YAML allows no tabs for indentation: use spaces)"
     # the last two: version numbers, escapes, thousands of digits

@@ -94,6 +94,8 @@ class CompressionScene(DiskScene):
         limit = self.compression.max_time
         if limit == "auto":
             limit = float(5000.0 * springs.time_unit)
+        x, y = lattice.positions.T
+        reach = max(1.15, 0.1 + float(np.abs(x).max()))
         kind = Compression
         if self.compression.method == "newton":
             kind = Loading
@@ -108,7 +110,7 @@ class CompressionScene(DiskScene):
             max_time=limit,
             sample_interval=float(0.1 * springs.time_unit),
             quiet_time=float(20.0 * springs.time_unit),
-            view=(-1.15, 1.15, -0.1, max(2.05, float(lattice.positions[:, 1].max()))),
+            view=(-reach, reach, -0.1, max(2.05, float(y.max()))),
             rest=rest,
             unloaded=depth(lattice, lattice.positions),
         )

@@ -193,7 +193,10 @@ class ImpactScene(DiskScene):
         if self.wall.friction:  # by which a spin that rolls turns into motion
             rolling = (2.0 * self.impact.along - self.impact.spin) / 3.0
             path.append(contact + 1.2 * gap * rolling / self.impact.towards)
-        return min(path) - 1.1, max(path) + 1.1, -0.1, 2.0 + gap
+        x, y = lattice.positions[: lattice.disk_points].T
+        reach = max(1.1, 0.1 + float(np.abs(x).max()))
+        top = max(2.0 + gap, float(y.max()))
+        return min(path) - reach, max(path) + reach, -0.1, top
 
     def _shape(self, body: Lattice, springs: Springs) -> Shape:
         disk = disk_of(body)

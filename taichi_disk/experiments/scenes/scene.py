@@ -23,7 +23,7 @@ from taichi_disk.experiments.config.sections import (
     TimeSection,
     VideoSection,
 )
-from taichi_disk.experiments.config.tree import Keys, Tree, tree_of
+from taichi_disk.experiments.config.tree import QUOTES, Keys, Tree, tree_of
 from taichi_disk.experiments.config.words import NO_KEYS, resolve_synonym
 from taichi_disk.experiments.scenes.conflicts import Conflicts, time_conflicts
 from taichi_disk.mechanics.lattice import (
@@ -112,6 +112,9 @@ class DiskScene(Frozen):
                 " its default, too; for eta_star write viscosity=auto"
             )
             found.append(("material.viscosity", text))
+        if "none" not in (spec.file, spec.outline):
+            text = "lattice.file has all points: leave one of the two out"
+            found.append(("lattice.outline", text))
         if spec.file != "none":  # the file defines the whole lattice
             return found
         if spec.outline != "none":
@@ -423,7 +426,9 @@ def _value(kind: str, path: Keys, value: Any, tree: Tree, kinds: Kinds) -> Any:
     if key is None:
         tree.fault(entry.key, path, _unknown(kind, path, kinds, tree))
     elif not key.accepts(value):
-        hint = did_you_mean(value, key.words)
+        hint = did_you_mean(value, key.words or ("none",))
+        if isinstance(value, str) and not value.isprintable():
+            hint = f"; {QUOTES}"
         if isinstance(value, list) and len(value) > 1:
             hint = "; several values are a sweep: write them in the section sweep"
         what = f"must be {key.allowed()}, not {entry.shown}{hint} ({key.meaning})"

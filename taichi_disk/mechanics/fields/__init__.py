@@ -148,8 +148,8 @@ def own_values(
     """Return the quantity `name` on the triangles, springs or points to which it
     belongs; of fringes twice shear."""
     lattice = triangles.lattice
-    if name in _OF_STRESS:
-        return _OF_STRESS[name](stress(triangles, springs, x))
+    if name in OF_STRESS:
+        return OF_STRESS[name](stress(triangles, springs, x))
     if name == "fringes":
         return 2.0 * shear(smooth_stress(triangles, springs, x))
     if name == "rate":
@@ -175,8 +175,8 @@ def at_points(
     Triangles around a point are weighted with their areas, springs at a point equally.
     Shear is computed from the averaged stress.
     """
-    if name in _OF_STRESS:
-        return _OF_STRESS[name](point_stress(triangles, springs, x))
+    if name in OF_STRESS:
+        return OF_STRESS[name](point_stress(triangles, springs, x))
     if name == "rate":
         rates = triangles.around @ triangles.area_rates(x, v)
         return -rates / (triangles.around @ triangles.areas(x))
@@ -357,4 +357,4 @@ def shear(sigma: Array) -> Array:
     return np.hypot(0.5 * (sigma[..., 0] - sigma[..., 1]), sigma[..., 2])
 
 
-_OF_STRESS = {"pressure": pressure, "shear": shear}
+OF_STRESS = {"pressure": pressure, "shear": shear}

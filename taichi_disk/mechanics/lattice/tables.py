@@ -37,7 +37,8 @@ def read_table(text: str) -> tuple[Array, Array | None]:
     names = rows[first]
     places = {"x": 0, "y": 1}
     if not all(map(_NUMBER.fullmatch, names)):
-        places = _places(first, rows.pop(first))
+        del rows[first]
+        places = _places(first, names)
     elif len(names) != 2:
         raise _refusal(f"line {first} has {len(names)} numbers and no names", *names)
     numbers = []

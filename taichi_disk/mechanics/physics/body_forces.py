@@ -21,6 +21,7 @@ from taichi_disk.mechanics.physics.law import (
     put,
 )
 from taichi_disk.mechanics.physics.ordering import Arrangement
+from taichi_disk.mechanics.potential import ExponentialPotential
 
 # a smaller force of the rigid wall on a point is not computed [M c^2/R]
 NEGLIGIBLE_FORCE = exp(-45.0)
@@ -30,7 +31,7 @@ STOPPING_TIME = 1e-9
 
 @ti.data_oriented
 @dataclass(eq=False)
-class ExponentialWall(Wall, BodyForce):
+class ExponentialWall(ExponentialPotential, Wall, BodyForce):
     """A flat wall at y = 0 that pushes every point of the disk upwards with a V0 exp(-a
     y), paper eqs. (3) and (6)."""
 
@@ -120,7 +121,9 @@ class ExponentialWall(Wall, BodyForce):
     def stiffness(self, lattice: Lattice, x: Array) -> Any:
         from scipy.sparse import diags
 
-        return diags((np.array([0.0, self.a]) * self.forces(lattice, x)).ravel())
+        # The force a V0 exp(-a y) falls at the rate of a times itself.
+        rates = np.array([0.0, self.a]) * self.forces(lattice, x)
+        return diags(rates.ravel())
 
     def contact_forces(
         self, lattice: Lattice, x: Array, *moving: Any
@@ -220,8 +223,8 @@ class MouseSpring(BodyForce):
 
     @ti.func
     def untie(self, state: ti.template()):
-        """Take the pull from the forces at this step, and return minus the potential
-        that goes with it [M c^2]."""
+        """Subtract the pull from the forces at this step, and return the change of the
+        potential [M c^2]."""
         return self.add_from_now_on(state, -1.0)
 
     @ti.func

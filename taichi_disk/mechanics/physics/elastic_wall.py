@@ -17,6 +17,7 @@ from taichi_disk.base.engine import ti
 from taichi_disk.mechanics.lattice import Array, Lattice
 from taichi_disk.mechanics.physics.law import Capacity, Contents, Wall, array, get, put
 from taichi_disk.mechanics.physics.ordering import Arrangement
+from taichi_disk.mechanics.potential import ExponentialPotential
 
 
 @dataclass(frozen=True)
@@ -33,14 +34,13 @@ class Contacts:
 
 @ti.data_oriented
 @dataclass(eq=False)
-class ElasticWall(Wall):
-    """The contact law between the disk's surface points and the wall's surface
-    springs."""
+class ElasticWall(ExponentialPotential, Wall):
+    """The contact law between the disk's surface points and the surface springs of the
+    wall, a lattice whose points follow those of the disk."""
 
     a: float  # hardness [1/R]
     V0: float  # potential at distance 0 [M c^2]
     threshold: float  # distance beyond which there is no contact [R]
-    is_elastic = True
     has_jumps = True
     scalars = ("a", "V0", "threshold", "shift")
     carriers = 2  # points of the wall that take the reaction of a contact

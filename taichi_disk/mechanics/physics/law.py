@@ -9,6 +9,7 @@ LLVM aborts at `a -= b` and `-a` of whole local vectors, so write a = a - b and
 -1.0 * a.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -18,7 +19,6 @@ from numpy.typing import ArrayLike, NDArray
 from taichi_disk.base.engine import ti
 from taichi_disk.mechanics.lattice import Array, Lattice
 from taichi_disk.mechanics.physics.ordering import Arrangement
-from taichi_disk.mechanics.potential import ExponentialPotential
 
 # Types of the NumPy arrays that kernels accept.
 Integers1 = ti.types.ndarray(ti.i32, ndim=1)
@@ -155,11 +155,13 @@ class Law:
         return csr_matrix((x.size, x.size))
 
 
-class Wall(ExponentialPotential, Law):
-    """A law by which the disk is reflected. Its energy is the column `wall`."""
+class Wall(Law, ABC):
+    """A law by which the disk is reflected. Its energy is the column `wall`.
 
-    # whether the wall is a lattice, whose points follow those of the disk
-    is_elastic = False
+    A rigid wall is also a `BodyForce`. An exponential potential is in
+    `ExponentialPotential`.
+    """
+
     # whether a Taichi function `add_friction` makes the wall resist sliding
     has_friction = False
     # whether the force jumps when a point passes to the next spring of the wall
@@ -167,12 +169,32 @@ class Wall(ExponentialPotential, Law):
     # how far the surface is below the straight lines between its points [R]
     corner_depth = 0.0
 
-    # (lattice, x, *moving) -> the points (k,) of the disk near the wall, and the forces
-    # (k, 2) of the wall on them [M c^2/R]. `moving`: the velocities (n, 2) [c] and the
-    # springs, on which friction depends.
-    contact_forces: Callable[..., tuple[NDArray[np.intp], Array]]
     # (lattice, x, v, others) -> friction along the wall, of a wall that has friction
     friction_on: Callable[..., Array]
+
+    @property
+    @abstractmethod
+    def decay_length(self) -> float:
+        """Length over which the force falls to 1/e or less [R]."""
+
+    @abstractmethod
+    def height_of_force(self, force: float) -> float:
+        """Return the height above the wall at which it exerts `force` [M c^2/R]."""
+
+    @abstractmethod
+    def added_stiffness(self, force: float) -> float:
+        """Return the wall's contribution to the stiffness of a point under the force
+        `force` of the wall [M c^2/R^2]."""
+
+    @abstractmethod
+    def contact_forces(
+        self, lattice: Lattice, x: Array, *moving: Any
+    ) -> tuple[NDArray[np.intp], Array]:
+        """Return the points (k,) of the disk near the wall, and the forces (k, 2) of
+        the wall on them [M c^2/R].
+
+        `moving`: the velocities (n, 2) [c] and the springs, on which friction depends.
+        """
 
 
 class BodyForce(Law):

@@ -10,6 +10,7 @@ import numpy as np
 from taichi_disk.mechanics.lattice import Array, Lattice
 from taichi_disk.mechanics.physics.body_forces import Load, MouseSpring
 from taichi_disk.mechanics.physics.boundaries import Boundary
+from taichi_disk.mechanics.physics.elastic_wall import ElasticWall
 from taichi_disk.mechanics.physics.law import BodyForce, Law, Wall
 from taichi_disk.mechanics.physics.springs import Springs
 
@@ -40,10 +41,10 @@ class Model:
         return tuple(law for law in self.laws if isinstance(law, BodyForce))
 
     @property
-    def elastic(self) -> Wall | None:
-        if self.wall is None or not self.wall.is_elastic:
-            return None
-        return self.wall
+    def elastic(self) -> ElasticWall | None:
+        if isinstance(self.wall, ElasticWall):
+            return self.wall
+        return None
 
     @property
     def has_friction(self) -> bool:
@@ -100,7 +101,7 @@ class Model:
             force[:, 0] += self.wall.friction_on(lattice, x, v, force)
         if self.is_pinned:
             force[lattice.wall_boundary] = 0.0
-        return np.asarray(force)
+        return force
 
     def stiffness(self, lattice: Lattice, x: Array) -> Any:
         """Return the second derivative of `energy`, without an elastic wall, sparse

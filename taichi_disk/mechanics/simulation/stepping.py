@@ -77,7 +77,7 @@ class Snapshot:
             v = self.vectors[3]
         # dividing first gives the rounding of the kernels
         inverse_mass = 1.0 / lattice.masses[:, None]
-        return np.asarray(v + integrator.observed_kick * dt * inverse_mass * f)
+        return v + integrator.observed_kick * dt * inverse_mass * f
 
 
 # numbers, lengths and values of the fields
@@ -111,7 +111,9 @@ class PointFields:
     ) -> None:
         self.fillers = 2 * subdomains  # extra points for the filler springs of blocks
         filled = capacity.points + self.fillers
-        self.x, self.v, self.f = (pair_of(builder, filled) for _ in range(3))
+        self.x = pair_of(builder, filled)
+        self.v = pair_of(builder, filled)
+        self.f = pair_of(builder, filled)
         self.vectors = [self.x, self.v, self.f]
         self.corrected = corrected
         if model.springs.damped or corrected:
@@ -120,22 +122,20 @@ class PointFields:
         if corrected:
             self.X = pair_of(builder, filled)
             self.vectors.append(self.X)
-        self.mass, self.inverse_mass = (
-            array(builder, capacity.points, ti.f64) for _ in range(2)
-        )
-        self.h, self.closing, self.observed, self.contact = (
-            scalar(builder) for _ in range(4)
-        )
+        self.mass = array(builder, capacity.points, ti.f64)
+        self.inverse_mass = array(builder, capacity.points, ti.f64)
+        self.h = scalar(builder)
+        self.closing = scalar(builder)
+        self.observed = scalar(builder)
+        self.contact = scalar(builder)
         # a triangulation of n points has fewer than 2 n triangles
         self.corners = side_by_side(builder, 2 * capacity.points, 3, ti.i32)
-        (
-            self.n,
-            self.n_disk,
-            self.triangles,
-            self.blocks,
-            self.subdomain_points,
-            self.reset_steps,
-        ) = (scalar(builder, ti.i32) for _ in range(6))
+        self.n = scalar(builder, ti.i32)
+        self.n_disk = scalar(builder, ti.i32)
+        self.triangles = scalar(builder, ti.i32)
+        self.blocks = scalar(builder, ti.i32)
+        self.subdomain_points = scalar(builder, ti.i32)
+        self.reset_steps = scalar(builder, ti.i32)
         self.subdomain_ends = array(builder, subdomains)
         self.sums = array(builder, SUMS, ti.f64)
 
@@ -252,7 +252,7 @@ class Stepping:
         self.has_friction = model.has_friction
         self.rigid = model.wall is not None and not self.contact
         self.loads = tuple(law for law in model.body_forces if law is not model.wall)
-        # before their last kick
+        # the velocities that become observed ones by the last kick
         self.observed_velocities = state.v
         if state.corrected:
             self.observed_velocities = state.u

@@ -142,8 +142,9 @@ def shrunk(pixels: Picture, samples: float) -> Picture:
     area of a pixel."""
     if samples == 1.0:
         return pixels
-    width, height, _ = pixels.shape
-    image = Image.frombuffer("RGBX", (height, width), pixels, "raw", "RGBX", 0, 1)
-    # twice as large first, because `reduce` takes whole numbers
-    twice = image.resize((2 * height, 2 * width), Image.Resampling.NEAREST)
+    rows, columns, _ = pixels.shape
+    size = columns, rows
+    image = Image.frombuffer("RGBX", size, pixels, "raw", "RGBX", 0, 1)
+    # `reduce` takes whole numbers only, and `samples` may be 1.5.
+    twice = image.resize((2 * columns, 2 * rows), Image.Resampling.NEAREST)
     return np.asarray(twice.reduce(round(2.0 * samples)))

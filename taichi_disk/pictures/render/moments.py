@@ -95,13 +95,16 @@ def time_of(moment: Any, run: Run) -> float:
         "contact": run.contact.first_sample,
         "end": last,
     }
+    number = moment
+    if isinstance(moment, str):
+        number = named.get(moment, moment)
     t = np.nan
-    with suppress(TypeError, ValueError):
-        t = float(named.get(moment, moment))
+    with suppress(TypeError, ValueError, OverflowError):
+        t = float(number)
     if not 0.0 <= t <= last * (1.0 + 1e-12):
         raise InputError(
             f"no moment {moment}: write {', '.join(MOMENTS)}, or a time within the run,"
-            f" 0 to {last:.6g} R/c"
+            f" 0 to {last:.6g} R/c; a larger impact.gap ends an impact later"
         )
     return min(t, last)
 

@@ -32,6 +32,8 @@ ARROW = 0.35  # length of the arrow of `full_force` [R]
 VELOCITY_ARROW = 0.7  # length of the arrow of the speed before an impact [R]
 # length of a GGUI vertex: position (3), normal (3), texture (2), colour (4)
 VERTEX = 12
+HAS_COLOURS = True  # each vertex has a colour of its own, in the place of BLACK
+BLACK = (0.0, 0.0, 0.0)
 # Sizes are [px] in a picture of 720 pixels.
 # half the width of a spring on the field, and the smallest one
 _SPRING = 0.65
@@ -128,7 +130,7 @@ class Painter:
         parts = values / self.limit
         if self.signed:
             parts = 0.5 + 0.5 * parts
-        return np.asarray(parts)
+        return parts
 
     def colours(self, normalised: Array) -> NDArray[np.float32]:
         if self.colour == "fringes":
@@ -194,10 +196,9 @@ class Painter:
             # Thin lines suffice if there are few springs, but a line thinner than about
             # a pixel vanishes.
             width = max(min(0.15 * self._spacing * camera.scale, 2.5 * unit), 1.1)
-            each = np.repeat(
-                self.colours(self._of_springs(x, v, values, ringing)), 2, axis=0
-            )
-            self._lines(canvas, camera, placed[self.lattice.bonds], each, width)
+            of_springs = self.colours(self._of_springs(x, v, values, ringing))
+            of_ends = np.repeat(of_springs, 2, axis=0)
+            _lines(canvas, camera, placed[self.lattice.bonds], of_ends, width)
         if self.wall:
             above.append(solid)
         shapes = geometry.joined(*above)
@@ -205,15 +206,7 @@ class Painter:
             draw_triangles(canvas, _put(camera, *shapes))
         if self.draw == "points":
             radius = max(min(0.3 * self._spacing * camera.scale, 6.0 * unit), 1.0)
-            # keep this array alive: GGUI reads its memory
-            out = _put(camera, placed, colours)
-            canvas.canvas.circles(
-                get_field_info(out),
-                True,
-                False,
-                (0.0, 0.0, 0.0),
-                radius / camera.height,
-            )
+            _circles(canvas, camera, placed, colours, radius)
 
     def _wall_shapes(
         self, camera: Camera, placed: Array, half: float
@@ -265,7 +258,7 @@ class Painter:
             draw_triangles(canvas, _put(camera, placed, colours), corners)
         if ink and len(lines):
             shade = (1.0 - ink) * colours[lines.ravel()]
-            self._lines(canvas, camera, placed[lines], shade, width)
+            _lines(canvas, camera, placed[lines], shade, width)
 
     def _outlines(
         self, placed: Array, colours: NDArray[np.float32], half: float
@@ -339,23 +332,28 @@ class Painter:
 
     def _of_springs(self, x: Array, v: Array, values: Array, ringing: float) -> Array:
         if QUANTITIES[self.colour].on != "springs":
-            return np.asarray(values[self.lattice.bonds].mean(axis=1))
+            return values[self.lattice.bonds].mean(axis=1)
         own = own_values(self.colour, self.triangles, self.springs, x, v)
         return self.normalised(ringing * own)
 
-    def _lines(
-        self,
-        canvas: Any,
-        camera: Camera,
-        ends: Array,
-        colours: NDArray[Any],
-        width: float,
-    ) -> None:
-        """Draw lines `width` [px] wide. `ends` (k, 2, 2) [R]; `colours` (2 k, 3)."""
-        out = _put(camera, ends.reshape(-1, 2), colours)
-        info = get_field_info(out), get_field_info(None)
-        black = 0.0, 0.0, 0.0
-        canvas.canvas.lines(*info, True, black, width / camera.height)
+
+def _lines(
+    canvas: Any, camera: Camera, ends: Array, colours: NDArray[Any], width: float
+) -> None:
+    """Draw lines `width` [px] wide. `ends` (k, 2, 2) [R]; `colours` (2 k, 3)."""
+    out = _put(camera, ends.reshape(-1, 2), colours)
+    info = get_field_info(out), get_field_info(None)
+    canvas.canvas.lines(*info, HAS_COLOURS, BLACK, width / camera.height)
+
+
+def _circles(
+    canvas: Any, camera: Camera, centres: Array, colours: NDArray[Any], radius: float
+) -> None:
+    """Draw circles of a radius [px]. `centres` (k, 2) [R]; `colours` (k, 3)."""
+    out = _put(camera, centres, colours)  # which stays alive while GGUI reads it
+    info = get_field_info(out)
+    has_radii = False
+    canvas.canvas.circles(info, HAS_COLOURS, has_radii, BLACK, radius / camera.height)
 
 
 def _means(vectors: Array, group: NDArray[np.intp]) -> Array:
@@ -411,12 +409,14 @@ def draw_triangles(
     # `Canvas.triangles` of Taichi 1.7.4 first copies fields into such arrays, with a
     # kernel for each lattice (0.3 s).
     indices = get_field_info(None if corners is None else corners.ravel())
-    canvas.canvas.triangles(get_field_info(vertices), indices, True, (0.0, 0.0, 0.0))
+    canvas.canvas.triangles(get_field_info(vertices), indices, HAS_COLOURS, BLACK)
 
 
 def _quartered(corners: Array) -> Array:
     """Divide triangles (t, 3, ...) into four equal ones each (4 t, 3, ...)."""
-    middles = 0.5 * (corners + np.roll(corners, -1, axis=1))
-    before = np.roll(middles, 1, axis=1)
-    outer = np.stack([corners, middles, before], axis=2)
-    return np.concatenate([middles, *np.moveaxis(outer, 1, 0)])
+    a, b, c = np.moveaxis(corners, 1, 0)
+    ab = 0.5 * (a + b)
+    bc = 0.5 * (b + c)
+    ca = 0.5 * (c + a)
+    parts = (ab, bc, ca), (a, ab, ca), (b, bc, ab), (c, ca, bc)
+    return np.concatenate([np.stack(part, axis=1) for part in parts])

@@ -405,6 +405,16 @@ export class Drawing {
     }
   }
 
+  // Draw the outline of a body to be, and a mark where it has a fault.
+  drawStroke(stroke, place, theme) {
+    const { context: ctx } = this;
+    line(ctx, [...stroke, ...stroke.slice(0, 1)].map((at) => this.toScreen(...at)), theme.accent, 2);
+    if (!place) return;
+    ctx.beginPath();
+    ctx.arc(...this.toScreen(...place), 12, 0, 2 * Math.PI);
+    ctx.stroke();
+  }
+
   drawArrow(from, to, colour, theme, thickness = 3) {
     arrow(
       this.context,

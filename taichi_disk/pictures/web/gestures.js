@@ -4,6 +4,7 @@
 import { arrowLength, arrowSpeed } from "./draw.js";
 
 const AIM_SCALE = 0.05; // velocity for which the program takes an aim as long as R [c/R]
+const PLACES = 60; // along an outline that is drawn
 const REACH = 24; // largest distance from the velocity's tip at which a press grasps it [px]
 
 // `view` has `pan` and `zoom`. `grip` returns what one finger or the main button holds:
@@ -54,6 +55,7 @@ export function followPointers(canvas, view, redraw, grip = () => null) {
 export function grip(sandbox, px, py) {
   const { drawing, state, panel, ui } = sandbox;
   if (!state) return null;
+  if (sandbox.isSketching) return drawBody(sandbox);
   if (!panel.atStart || ui.arrow.disabled) return pull(sandbox, px, py);
   const { com_x: x, com_y: y, com_vx: vx, com_vy: vy } = state.row;
   const speed = Math.hypot(vx, vy);
@@ -66,6 +68,49 @@ export function grip(sandbox, px, py) {
   const radius = Math.max(...Array.from(drawing.scene.outline, distance));
   if (Math.hypot(pressedX - x, pressedY - y) > radius) return aim(sandbox, pressedX, pressedY);
   return turn(sandbox, pressedX, pressedY);
+}
+
+// Draw the outline of a body, at whose end it is sent as the path of an SVG, whose y points down.
+function drawBody(sandbox) {
+  return {
+    move: (...at) => sandbox.stroke.push(sandbox.drawing.toWorld(...at)),
+    end(cancelled) {
+      const stroke = smoothed(sandbox.stroke);
+      sandbox.sketch(false);
+      if (cancelled || stroke.length < 3) return;
+      sandbox.stroke = stroke;
+      const corners = stroke.map(([x, y]) => `${x.toFixed(3)} ${(-y).toFixed(3)}`);
+      sandbox.send({ do: "outline", path: `M${corners.join("L")}Z` });
+    },
+  };
+}
+
+// Return evenly spaced places along a closed stroke, without what it goes on beyond its start, and
+// without the trembling of a hand.
+export function smoothed(stroke) {
+  const distance = ([x, y], [otherX, otherY]) => Math.hypot(x - otherX, y - otherY);
+  const along = [0];
+  for (let k = 1; k < stroke.length; k++)
+    along.push(along[k - 1] + distance(stroke[k - 1], stroke[k]));
+  const length = along.at(-1);
+  const near = stroke.map((place, k) => (along[k] > 0.8 * length ? distance(place, stroke[0]) : length));
+  const last = near.indexOf(Math.min(...near));
+  const ring = near[last] < 0.1 * length ? stroke.slice(0, last + 1) : stroke;
+  if (!length) return [];
+  ring.push(stroke[0]);
+  const turns = ring.map((place, k) => (k ? distance(ring[k - 1], place) : 0));
+  const total = turns.reduce((sum, part) => sum + part);
+  const places = [];
+  let k = 0;
+  let walked = 0; // up to the corner k
+  for (let i = 0; i < PLACES; i++) {
+    const goal = (total * i) / PLACES;
+    while (walked + turns[k + 1] < goal) walked += turns[++k];
+    const part = (goal - walked) / turns[k + 1] || 0;
+    places.push([0, 1].map((c) => ring[k][c] + part * (ring[k + 1][c] - ring[k][c])));
+  }
+  const mean = (k, c) => [-1, 0, 0, 1].reduce((sum, d) => sum + places.at((k + d) % PLACES)[c] / 4, 0);
+  return places.map((_, k) => [mean(k, 0), mean(k, 1)]);
 }
 
 // Draw the throw from (fromX, fromY) [R].

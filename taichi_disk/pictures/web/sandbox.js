@@ -61,6 +61,7 @@ export class Sandbox {
         this.waiting ??= setTimeout(() => (ui.busy.hidden = false), 400);
     };
     this.drawing = new Drawing(ui.disk);
+    this.stroke = []; // places [R] of the outline that is being drawn
     this.graphs = new Graphs([ui.energy, ui.motion], (t) => this.send({ do: "scrub", t }));
     this.controls = new Controls(
       (key) => node.querySelector(`[data-keys~="${key}"]`) ?? ui.others,
@@ -121,12 +122,23 @@ export class Sandbox {
       contact: () => drawing.show(this.state.row.com_x, 0.09, 0.55),
       picture: async () => download(await drawing.picture(panel.title), "disk.png", "image/png"),
       yaml: () => download(this.scene, "scene.yaml", "text/yaml"),
+      svg: () => download(this.outline, this.outlineName, "text/plain"),
+      draw: () => this.sketch(!this.isSketching),
       csv: () => download(asText(ui.table, ","), "results.csv", "text/csv"),
-      copy: () => copy(asText(ui.table, "\t"), (text) => this.say(text), "The table is copied."),
+      copy: () => copy(asText(ui.table, "\t"), (text) => this.say(text), "Copied: paste it into a table."),
       projector: () => this.project(!node.hasAttribute("data-projector")),
       fold: () => this.fold(),
       more: () => (ui.more.ariaExpanded = node.toggleAttribute("data-more")),
     };
+  }
+
+  // Let the next stroke on the canvas be the outline of a body, or no longer.
+  sketch(isOn) {
+    this.isSketching = isOn;
+    this.stroke = [];
+    this.crossing = null;
+    this.ui.draw.ariaPressed = isOn;
+    if (isOn) this.say("Draw the outline of a body in one stroke: it closes itself.");
   }
 
   // Remember that the first picture shall be thrown at once.
@@ -239,7 +251,7 @@ export class Sandbox {
     else if (kind === "scene") this.showScene(message);
     else if (kind === "graphs") this.showGraphs(message);
     else if (kind === "panel") this.showPanel(message);
-    else if (kind === "yaml") this.scene = message.text;
+    else if (kind === "yaml") this.showSaved(message);
     else if (kind === "film") {
       this.showFilm(false);
       if (message.page) download(message.page, "disk.html", "text/html"); // or a message says why not
@@ -258,6 +270,12 @@ export class Sandbox {
     this.showFilm(false); // a program that was lost makes none
     const row = ([key, what]) => [element("dt", {}, key), element("dd", {}, what)];
     this.ui.reference.replaceChildren(...[...keys, ...this.shortcuts].flatMap(row));
+  }
+
+  showSaved({ text, outline, name }) {
+    Object.assign(this, { scene: text, outline, outlineName: name });
+    this.ui.svg.hidden = !outline;
+    this.stroke = []; // it has become a body
   }
 
   showScene(message) {
@@ -322,6 +340,7 @@ export class Sandbox {
       const point = [state.x[pulled], state.x[pulled + 1]];
       drawing.drawArrow(point, this.target, theme.accent, theme);
     }
+    if (this.stroke.length) drawing.drawStroke(this.stroke, this.crossing, theme);
     this.graphs.draw(state, theme, drawing.options.theme, this.letters);
     if (panel.again < 1) return;
     ui.timeline.max = Math.max(this.graphs.data?.t.at(-1) ?? 1, 1e-3);
@@ -445,7 +464,10 @@ export class Sandbox {
     const key = `${refusals} ${text}`; // a number that is refused again has the same text
     if (key === this.shownMessage) return;
     this.shownMessage = key;
-    this.say(text);
+    // a place in a stroke, whose file is none of the user's
+    const [, fault, x, y] = /svg: (.*?[[(](\S+?),? (\S+)[\])].*)/.exec(text) ?? [];
+    this.crossing = this.stroke.length && x ? [Number(x), Number(y)] : null;
+    this.say(this.crossing ? fault : text);
   }
 
   // Show a text in place of the sentence for a while.

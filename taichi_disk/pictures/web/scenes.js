@@ -35,10 +35,14 @@ function sketch(card) {
     ctx.stroke();
   }
   Object.assign(ctx, { fillStyle: "#f2c078", strokeStyle: ink, lineWidth: 2 });
-  ctx.beginPath();
-  ctx.arc(x, y, 30, 0, 2 * Math.PI);
-  ctx.fill();
-  ctx.stroke();
+  const path = new Path2D(card.outline?.match(/ d="([^"]*)"/)[1]);
+  if (card.outline) {
+    ctx.setTransform(25, 0, 0, 25, x, y);
+    ctx.lineWidth /= 25;
+  } else path.arc(x, y, 30, 0, 2 * Math.PI);
+  ctx.fill(path, "evenodd");
+  ctx.stroke(path);
+  ctx.setTransform(1, 0, 0, 1, 0, 0);
   const angle = -Math.PI / 2 - card.turn;
   const mark = [x + 28 * Math.cos(angle), y + 28 * Math.sin(angle)];
   line(ctx, [mark, [x, y]], ink, 2);

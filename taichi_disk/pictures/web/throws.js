@@ -66,7 +66,7 @@ export class Throws {
     ui.link.onclick = () => this.copyLink();
     ui.task.onclick = () => this.set(this.goal ? 0 : this.own.goal || USUAL_GOAL);
     ui.share.onchange = () => this.set(readNumber(ui.share.value.replace("%", "")) / 100);
-    ui.copy.onclick = () => copy(asText(ui.table, "\t"), this.tell, "The table is copied.");
+    ui.copy.onclick = () => copy(asText(ui.table, "\t"), this.tell, "Copied: paste it into a table.");
     ui.addresses.onchange = () => this.collect();
     ui.table.onclick = ({ target }) => {
       if (target.dataset.remove) this.rows.splice(target.dataset.remove, 1);

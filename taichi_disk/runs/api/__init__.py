@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from inspect import signature
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from taichi_disk.experiments.computation.outcome import Outcome
 from taichi_disk.experiments.config.tree import Source, as_path
 from taichi_disk.experiments.scenes import Scene, load_scene
 from taichi_disk.experiments.scenes.scene import DiskScene
-from taichi_disk.mechanics.lattice import Array, Lattice, disk_of, numbers
+from taichi_disk.mechanics.lattice import Array, Lattice, disk_of
 from taichi_disk.mechanics.statics.modes import Modes, modes
 from taichi_disk.pictures.render.artist import drawing_process
 from taichi_disk.runs.api.film import film
@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from taichi_disk.pictures.inline import Film, Plot
 
 __all__ = ["Modes", "Result", "State", "run"]
+Moments: TypeAlias = "Sequence[float | str] | Array"
 MAX_NAMED_TIMES = 5  # number of times in a notice
 
 
@@ -176,22 +177,22 @@ class Result(Outcome):
         return self.scenario.lattice
 
     @runtime.alone()
-    def state(self, t: float) -> State:
-        """Return the state at the step nearest to `t` [R/c], or the equilibrium under
-        the fraction `t` of a load.
+    def state(self, t: float | str) -> State:
+        """Return the state at the step nearest to the moment `t`, as for `film`, or the
+        equilibrium under the fraction `t` of a load.
 
-        Raises InputError for a time outside the run.
+        Raises InputError for a moment outside the run.
         """
-        return next(self._states([t]))
+        return next(self.replay(self._times(t)))
 
     @runtime.alone()
-    def trajectory(self, times: Sequence[float] | Array) -> tuple[Array, Array, Array]:
+    def trajectory(self, times: Moments) -> tuple[Array, Array, Array]:
         """Return times (T,) [R/c], positions (T, n, 2) [R], velocities (T, n, 2) [c] at
-        the steps nearest to `times`.
+        the steps nearest to the moments `times`, as for `film`.
 
-        Raises InputError unless the times ascend and lie within the run.
+        Raises InputError unless they ascend and lie within the run.
         """
-        t, x, v = zip(*self._states(times), strict=True)
+        t, x, v = zip(*self.replay(self._times(times)), strict=True)
         return np.array(t), np.array(x), np.array(v)
 
     @property
@@ -209,7 +210,6 @@ class Result(Outcome):
         InputError for an unknown name or place, or a moment outside the run.
         """
         from taichi_disk.mechanics.fields import QUANTITIES, field
-        from taichi_disk.pictures.render.moments import time_of
 
         if name not in QUANTITIES:
             raise InputError(f"no quantity {name!r}; there are {', '.join(QUANTITIES)}")
@@ -218,7 +218,7 @@ class Result(Outcome):
                 'at: must be "own" (values on triangles or springs) or "points", not'
                 f" {at!r}"
             )
-        _, x, v = self.state(time_of(t, self))
+        _, x, v = self.state(t)
         return field(name, self.lattice, self.scenario.model.springs, x, v, at)
 
     def modes(self, count: int = 40) -> Modes:
@@ -244,7 +244,7 @@ class Result(Outcome):
         path: Path | str,
         format: str | None = None,
         frames: int = FRAMES,
-        times: Sequence[float] | Array | None = None,
+        times: Moments | None = None,
     ) -> Path:
         """Write a trajectory for another program and return the path of the file.
 
@@ -253,50 +253,45 @@ class Result(Outcome):
                 file trajectory.SUFFIX.
             format: format in a folder: "xyz", "vtu" or "npz".
             frames: number of moments, evenly spaced in time.
-            times: ascending times within the run to use instead [R/c]; the states are
-                those of the nearest steps.
+            times: ascending moments to use instead, as for `film`; the states are those
+                of the nearest steps.
 
         Raises InputError for times outside the run, an unknown format, or one whose
         package is not installed.
         """
         from taichi_disk.runs.output.export import export_run
 
-        chosen = times
-        if chosen is None:
+        if times is None:
             count = whole_number(frames, "frames", MOST_FRAMES)
             chosen = np.linspace(0.0, self.series["t"][-1], count)
+        else:
+            chosen = self._times(times)
         exported = []
 
         def recorded() -> Iterator[State]:
-            for state in self._states(chosen):
+            for state in self.replay(chosen):
                 exported.append(state.t)
                 yield state
 
         out = as_path(path, "path")
         file = export_run(self.scenario, recorded(), out, format)
-        if times is not None and not np.allclose(exported, times, rtol=1e-6):
+        if times is not None and not np.allclose(exported, chosen, rtol=1e-6):
             at = ", ".join(f"{t:.6g}" for t in exported[:MAX_NAMED_TIMES])
             if len(exported) > MAX_NAMED_TIMES:
                 at += ", …"
             NOTICES.info("the states are those of the nearest steps, at t = %s R/c", at)
         return file
 
-    def _states(self, times: Any) -> Iterator[State]:
-        times = np.atleast_1d(numbers(times, "times"))
-        last = float(self.series["t"][-1])
-        if (
-            times.ndim != 1
-            or not len(times)
-            or not np.isfinite(times).all()
-            or (np.diff(times) < 0.0).any()
-        ):
-            raise InputError("times: must be ascending finite numbers")
-        if times[0] < 0.0 or times[-1] > last * (1.0 + 1e-12):
-            raise InputError(
-                f"times: must lie within 0 and {last:.6g}, the end of the run; a"
-                " larger impact.gap ends an impact later"
-            )
-        return self.replay(times)
+    def _times(self, moments: Any) -> Array:
+        """Return the times (T,) [R/c] of one or several ascending moments."""
+        from taichi_disk.pictures.render.moments import time_of
+
+        # objects, because a list may have words beside numbers
+        given = np.atleast_1d(np.asarray(moments, object))
+        times = np.array([time_of(one, self) for one in given])
+        if not len(times) or (np.diff(times) < 0.0).any():
+            raise InputError("times: must be ascending")
+        return times
 
     # ---- pictures
 

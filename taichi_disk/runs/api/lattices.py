@@ -102,9 +102,9 @@ def compare_lattices(
             outcome.summary["warnings"].append(
                 f"there is no result on the lattice of seed {seed}: {described(error)}"
             )
-    for text, warned in by_kind(warnings).items():
+    for text, warned in by_kind(warnings):
         outcome.summary["warnings"].append(
-            f"{warned} of {count - 1} other lattices: {text}"
+            f"{warned} of {count - 1} other lattices, on the first: {text}"
         )
     comparison: dict[str, Any] = {"seeds": seeds}
     if len(results) == 1:

@@ -139,11 +139,11 @@ class RunFolder:
         status = files.read_summary(self.path).get("status")
         if self.path == self.out or not status:
             return
-        others = self.out
+        alternative = self.out
         if status != "done":
-            others = others.with_name(f"{others.name}-{status}")
+            alternative = self.out.with_name(f"{self.out.name}-{status}")
         try:
-            self.out = self.choose(chain([self.out], _numbered(others)), status)
+            self.out = self.choose(chain([self.out], _numbered(alternative)), status)
             files.replace(self.path, self.out)
             self.path = self.out
         except OSError as error:

@@ -246,8 +246,8 @@ def run_sweep(
 def _counted_warnings(results: Sequence[PointResult]) -> list[str]:
     texts = [text for result in results for text in result.warnings]
     return [
-        f"{count} of {len(results)} points have a warning: {text}"
-        for text, count in by_kind(texts).items()
+        f"{count} of {len(results)} points have a warning, the first: {text}"
+        for text, count in by_kind(texts)
     ]
 
 

@@ -31,6 +31,22 @@ def faults(path, text, *overrides):
     return [line.strip().removeprefix(f"{path}:").strip() for line in rest or [first]]
 
 
+@pytest.mark.parametrize(
+    ("value", "hint"),
+    [
+        (r'"C:\new.csv"', "a backslash in double quotes begins a special character"),
+        (r'"C:\Users.csv"', "a backslash in double quotes begins a special character"),
+        ("None", "not None; did you mean none?"),
+    ],
+)
+@pytest.mark.parametrize("key", ["file", "velocities"])
+def test_a_path_that_yaml_reads_differently_is_refused_with_the_reason(
+    path, key, value, hint
+):
+    (fault,) = faults(path, f"{IMPACT}lattice: {{{key}: {value}}}")
+    assert hint in fault
+
+
 FAULTS = """
 velocity: 1 | 2:1: velocity: unknown key; did you mean impact.velocity?
 impact.velocity: 1 | 2:1: impact.velocity: no dotted key here: write impact: {v

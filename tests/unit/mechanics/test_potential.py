@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taichi_disk.experiments.config.sections import ElasticWallSection, WallSection
-from taichi_disk.mechanics.physics import ElasticWall, ExponentialWall
+from taichi_disk.mechanics.physics import BodyForce, ElasticWall, ExponentialWall, Wall
 
 NUMBERS = {"a": 30.0, "V0": 5.0}
 RIGID = ExponentialWall(**NUMBERS)
@@ -46,3 +46,13 @@ def test_the_force_is_the_slope_of_the_potential_and_the_stiffness_that_of_the_f
 def test_a_wall_without_force_is_out_of_reach():
     assert RIGID.force_at(RIGID.reach) == pytest.approx(np.exp(-45.0))
     assert ExponentialWall(1.0, 1e-30).reach == 0.0
+
+
+def test_a_wall_without_a_method_that_it_must_have_is_refused_with_its_name():
+    class Incomplete(Wall, BodyForce):
+        decay_length = 0.02
+        contact_forces = None
+
+    missing = r"methods? '?added_stiffness'?(,| and) '?height_of_force"
+    with pytest.raises(TypeError, match=missing):
+        Incomplete()

@@ -3,9 +3,11 @@ bytes each time."""
 
 import filecmp
 import os
+import re
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from io import BytesIO
 
 import matplotlib
@@ -23,6 +25,7 @@ from taichi_disk.pictures.plot import (
     matplotlib_style,
     plot_run,
     plot_scene,
+    run_figure,
 )
 from taichi_disk.pictures.render.artist import drawing_process
 
@@ -58,6 +61,20 @@ def test_a_plot_that_was_drawn_early_gets_the_same_title(impact, tmp_path, monke
     monkeypatch.setattr("taichi_disk.pictures.plot._draw_run", None)
     plot_run(tmp_path / "b.png", scene, "e = 0.97")
     assert filecmp.cmp(tmp_path / "a.png", tmp_path / "b.png", shallow=False)
+
+
+@pytest.mark.parametrize("parts", [1, 4, 12, 60])
+def test_a_title_of_any_length_is_above_the_axes_and_breaks_between_its_parts(
+    impact, parts
+):
+    scene = plot_scene(*impact)
+    title = (*scene.words.title, "    ".join(["spin = 0.4 c/R"] * parts), "x" * 250)
+    scene = replace(scene, words=replace(scene.words, title=title))
+    figure = run_figure(scene, 9 * "restitution e ")
+    words = figure._suptitle.get_window_extent()
+    assert words.y0 > figure.axes[0].get_window_extent().y1
+    assert words.y1 < figure.bbox.y1
+    assert not re.search(r"=\n|0.4\n", figure.get_suptitle())
 
 
 @pytest.mark.validate

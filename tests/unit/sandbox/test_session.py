@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from taichi_disk.experiments.computation.outcome import compute
+from taichi_disk.experiments.scenes import load_scene
 from taichi_disk.mechanics.fields import Triangles
 from taichi_disk.mechanics.simulation.observables import INDEX
 from taichi_disk.pictures.render.palette import full_scale
@@ -323,3 +324,20 @@ def test_every_scene_of_the_list_ends_as_run_does_after_random_events(number, ke
     outcome = compute(scenario, estimate=False)
     expected = scenario.primary(outcome.series)[1]
     assert [one.value for one in sandbox.results] == [expected]
+
+
+def test_a_drawn_body_stands_there_and_a_faulty_one_leaves_the_old_one(
+    session, tmp_path
+):
+    say(session, "set", key="lattice.points", value=60)
+    for path in ("M0 0L2 2L2 0L0 2Z", 'M0 0"/><use href="/etc/passwd', "M0 0L"):
+        say(session, "outline", path=path)
+        assert session.sandbox.scene.lattice.outline == "none"
+    say(session, "outline", path="M0 0L2 0L2 2L0 2Z")
+    assert session.sandbox.at_start
+    assert session.sandbox.time.segment.scenario.shape.radius > 1.2
+    saved = json.loads(session.messages["yaml"])
+    (tmp_path / saved["name"]).write_text(saved["outline"])
+    (tmp_path / "scene.yaml").write_text(saved["text"])
+    body = load_scene(tmp_path / "scene.yaml").body()
+    assert (body.positions == session.sandbox.time.start.body.positions).all()
