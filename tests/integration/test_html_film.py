@@ -390,10 +390,10 @@ window.computed = JSON.stringify({ found, colours });"""
 
 
 ELL = Path(session.__file__).with_name("ell.svg")
-FIREFOX = pytest.param("firefox", marks=pytest.mark.validate)
 
 
-@pytest.mark.parametrize("kind", ["chromium", FIREFOX])
+@pytest.mark.validate
+@pytest.mark.parametrize("kind", ["chromium", "firefox"])
 def test_a_page_steps_as_velocity_verlet_does_and_knows_every_colour(
     browsers, kind, tmp_path
 ):

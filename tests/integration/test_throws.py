@@ -11,6 +11,7 @@ from programs import packed, python
 
 from taichi_disk import load_scene
 from taichi_disk.experiments.computation.scenario import OwnStart
+from taichi_disk.mechanics.fields import QUANTITIES, Triangles, at_points
 from taichi_disk.pictures.web import throws
 from taichi_disk.pictures.web.drawing import FILM, bundle
 from taichi_disk.runs import api
@@ -18,6 +19,7 @@ from taichi_disk.runs import api
 pytestmark = pytest.mark.skipif(
     not shutil.which("node"), reason="not installed: node (apt-get install nodejs)"
 )
+SMALL = ["lattice.points=100", "impact.velocity=0.05"]
 # what a page does with a film that it throws, without its document
 PREPARE = """
 import { readFileSync } from "node:fs";
@@ -125,6 +127,29 @@ def test_forty_random_throws_have_the_e_and_the_steps_of_run(seed, tmp_path):
     compare(tmp_path, disks)
 
 
+COLOUR = """
+const [{ x, v }] = throws;
+const { colours } = diskOfFilm(films[0]);
+const { quantities } = films[0].runs[0].scene;
+console.log(JSON.stringify(Object.fromEntries(quantities.map(({ name }) =>
+  [name, Array.from(colours.of(name, Float64Array.from(x), Float64Array.from(v)))]))));
+"""
+
+
+def test_a_page_knows_every_colour(tmp_path):
+    scene = load_scene("exponential_wall", [*SMALL, "video.seconds=1", "video.fps=5"])
+    result = api.run(scene, lattices=1)
+    film = packed(result.film(tmp_path / "film.html"))[0]
+    _, x, v = result.state(result.contact.greatest)
+    state = {"x": x.ravel().tolist(), "v": v.ravel().tolist()}
+    found = in_node(tmp_path, COLOUR, [film], [state])
+    assert found.keys() == QUANTITIES.keys()
+    springs = result.scenario.model.springs
+    for name, colours in found.items():
+        values = at_points(name, Triangles(result.lattice), springs, x, v)
+        assert colours == pytest.approx(values, rel=1e-9, abs=1e-15), name
+
+
 # Each has one reason for which pages cannot throw it.
 NOT_THROWN = [
     ["exponential_wall", "impact.angle=0.2"],
@@ -137,7 +162,6 @@ NOT_THROWN = [
     ["exponential_wall", "lattice.core_radius=0.5", "lattice.core_stiffness=2"],
     ["absorbing_wall", "wall.points=160"],
 ]
-SMALL = ["lattice.points=100", "impact.velocity=0.05"]
 
 
 def is_thrown(scenario):
