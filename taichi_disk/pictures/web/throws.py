@@ -61,6 +61,7 @@ def throwable(flight: Flight) -> bool:
     return (
         scene.scene == "exponential_wall"
         and not scene.is_oblique
+        and not scene.impact.gravity
         and scene.impact.gap == "auto"
         and (settings.dt, settings.tolerance) == ("auto", "none")
         and scene.lattice.file == "none"
