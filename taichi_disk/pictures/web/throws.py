@@ -59,6 +59,7 @@ def throwable(flight: Flight) -> bool:
     return (
         scene.scene == "exponential_wall"
         and not scene.is_oblique
+        and not scene.impact.gravity
         and scene.impact.gap == "auto"
         and (scene.time.dt, scene.time.tolerance) == ("auto", "none")
         and scene.lattice.file == "none"
