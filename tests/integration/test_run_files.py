@@ -188,7 +188,7 @@ def test_the_columns_are_described_as_they_are_declared():
     assert table in PAGE
 
 
-def test_a_picture_that_fails_takes_no_result_with_it(tmp_path, monkeypatch):
+def test_a_picture_that_fails_takes_no_result_with_it(tmp_path, monkeypatch, notices):
     def fails(*_):
         raise RuntimeError("latex could not be found")
 
@@ -203,6 +203,7 @@ def test_a_picture_that_fails_takes_no_result_with_it(tmp_path, monkeypatch):
     assert summary["status"] == "done"
     assert summary["video_error"] == "latex could not be found"
     assert summary["warnings"] == ["there is no plot.png: latex could not be found"]
+    assert {*summary["warnings"], summary["video_error"]} <= set(notices.messages)
 
 
 KILLED = """
