@@ -219,7 +219,7 @@ def test_a_run_is_printed_and_in_its_folder_before_its_film_begins(
     tmp_path, monkeypatch
 ):
     out = tmp_path / "o"
-    settings = [f"--set={one}" for one in SMALL]
+    settings = [f"--set={name}={value}" for name, value in TINY.items()]
     done = python(
         *("-c", KILLED, "run", "exponential_wall", "--lattices=1", "--out", out),
         *settings,
@@ -238,7 +238,7 @@ def test_a_run_is_printed_and_in_its_folder_before_its_film_begins(
     (out / ".host-1.new.video.mp4").touch()
     monkeypatch.setattr("taichi_disk.pictures.render.film.draw_film", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        run(load_scene("exponential_wall", SMALL), out, lattices=1)
+        run(load_scene("exponential_wall").with_(TINY), out, lattices=1)
     assert set(contents(out)) - {"plot.png"} == FILES
     assert summary_in(out)["status"] == "done"
     assert os.listdir(tmp_path) == ["o"]
