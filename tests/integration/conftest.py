@@ -66,11 +66,8 @@ def served(tmp_path: Path) -> Iterator[Served]:
 
 @pytest.fixture
 def without_plots(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave plot.png empty: to draw it takes longer than most runs of the tests.
-
-    Another process would draw it if Matplotlib were not imported.
-    """
-    import matplotlib  # noqa: F401
+    """Leave plot.png empty: to draw it takes longer than most runs of the tests."""
+    import matplotlib  # noqa: F401 (then this process draws, which is patched)
 
     draw = "taichi_disk.runs.api.work.plot_run"
     monkeypatch.setattr(draw, lambda path, *_: path.touch())
