@@ -146,11 +146,6 @@ class Scenario(ABC):
     def words(self) -> Words:
         """The names of its quantities for films, plots, tables and messages."""
 
-    def frame_times(self, columns: Columns, frames: int) -> Array:
-        """Return the times of a film's pictures (frames,) [R/c], which are densest at
-        the important moments."""
-        return np.linspace(0.0, columns["t"][-1], frames)
-
     @abstractmethod
     def motion(self, columns: Columns) -> Array:
         """Return the main curve of the scene (rows,)."""
