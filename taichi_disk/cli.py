@@ -22,7 +22,7 @@ from taichi_disk.base.errors import (
     printable,
     system_message,
 )
-from taichi_disk.base.machine import cores
+from taichi_disk.base.machine import cores, foreign_packages
 from taichi_disk.base.progress import terminal
 from taichi_disk.base.signals import INTERRUPTED, raise_if_interrupted
 from taichi_disk.experiments.config.sections import VideoSection
@@ -51,7 +51,7 @@ def main(argv: Sequence[str]) -> int:
             return 0
         arguments = parser.parse_args(argv)
         raise_if_interrupted()
-        status = arguments.command(arguments) or 0
+        status = _carry_out(arguments)
         if sys.stdout is not None:  # it may be closed
             sys.stdout.flush()
         return status
@@ -78,6 +78,19 @@ def main(argv: Sequence[str]) -> int:
         if isinstance(error, PermissionError):
             return InputError.exit_status
         return 1
+
+
+def _carry_out(arguments: argparse.Namespace) -> int:
+    """Return the exit status of a command. Raises TaichiDiskError, with what helps, if
+    a package from elsewhere cannot be imported."""
+    try:
+        return arguments.command(arguments) or 0
+    except ImportError as error:
+        foreign = foreign_packages()
+        if not foreign:
+            raise
+        reason = " ".join(str(error).split())
+        raise TaichiDiskError(f"{reason} ({foreign})") from None
 
 
 def _check_environment() -> None:

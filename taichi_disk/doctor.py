@@ -10,9 +10,8 @@ from tempfile import TemporaryDirectory
 
 from taichi_disk.base import engine
 from taichi_disk.base.engine.environment import CACHE, cache_folder, cache_problem
-from taichi_disk.base.machine import REMEDY, cores, processor
+from taichi_disk.base.machine import REMEDY, cores, foreign_packages, processor
 from taichi_disk.base.processes.pool import Pool, result_of
-from taichi_disk.experiments.scenes import load_scene
 
 SETTINGS = [
     "lattice.points=20",
@@ -47,6 +46,9 @@ def examine() -> bool:
     }
     if fit_engine():
         found["springs in films"] = "soft lines"
+    foreign = foreign_packages()
+    if foreign:
+        found["foreign packages"] = foreign
     for name, value in found.items():
         print(f"{name:<16}  {value}")
     trouble, note = try_run()
@@ -56,7 +58,7 @@ def examine() -> bool:
     if not trouble:
         print("\nReady: scenes can be run and filmed here.")
         return True
-    print(f"\nNot ready: {trouble}\n    {REMEDY}")
+    print(f"\nNot ready: {trouble}\n    {foreign or REMEDY}")
     if trouble.startswith(_CRASHED):
         print(
             "    If that is done, the cache of kernels may be damaged: delete the"
@@ -85,6 +87,7 @@ def try_run() -> tuple[str, str]:
 
 def film_small(out: Path, settings: list[str]) -> tuple[str, str]:
     """Run and film a scene into `out`. Returns as `try_run`."""
+    from taichi_disk.experiments.scenes import load_scene
     from taichi_disk.runs.api import run
 
     result = run(load_scene("exponential_wall", settings), out, lattices=1)

@@ -9,6 +9,7 @@ import sys
 from contextlib import suppress
 from ctypes import CDLL, byref, c_uint32, c_uint64, c_void_p
 from glob import glob
+from importlib.util import find_spec
 from math import ceil, inf
 from pathlib import Path
 
@@ -82,6 +83,24 @@ def can_start_python() -> bool:
     return is_python and path.is_file() and not is_frozen
 
 
+def foreign_packages() -> str:
+    """Return which packages come from folders in PYTHONPATH, as modules of a cluster
+    and ROS set it, with what helps; "" if there are none."""
+    found = []
+    for folder in filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep)):
+        for name in ("numpy", "scipy", "yaml"):
+            spec = find_spec(name)
+            if (
+                spec
+                and spec.origin
+                and Path(folder).absolute() in Path(spec.origin).parents
+            ):
+                found.append(f"{name} is {spec.origin}")
+    if not found:
+        return ""
+    return f"by PYTHONPATH, {', '.join(found)}; try again after: unset PYTHONPATH"
+
+
 def driver_state() -> str:
     """Return what is wrong with the Vulkan drivers, or "" if one has a device, or if
     Vulkan's loader is not found under Linux' name.
@@ -105,8 +124,8 @@ def driver_state() -> str:
 
 
 def driver_problem(state: str) -> str:
-    """Return a message about the Vulkan drivers, which are in `state`, with what
-    helps."""
+    """Return a message that says what is wrong with the Vulkan driver, and what helps.
+    `state`: what `driver_state` returns."""
     drivers = glob("/usr/share/vulkan/icd.d/*.json")
     values = os.environ.items()
     remedies = [f"without {k}={v}" for k, v in values if k in DRIVER_VARIABLES]

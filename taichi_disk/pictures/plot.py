@@ -57,9 +57,8 @@ VISIBLE_ENERGY = 2e-3
 PANEL_HEIGHTS = (1.2, 1.0, 1.5)
 # fractions of the figure
 LAYOUT = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}
-HEIGHT = 9.2  # of a figure whose title has two lines [in]
-LINE_HEIGHT = 0.16  # of a title [in]
 TITLE_WIDTH = 95  # [letters]
+TITLE_HEIGHT = 21.0  # of all lines above the axes [pt]
 FORCE_LABEL = "wall force  [Mc²/R]"
 ENERGY_LABEL = "energy  [Mc²]"
 RAISED = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -206,24 +205,18 @@ def plot_run(path: Path, scene: PlotScene, headline: str = "") -> None:
 def run_figure(scene: PlotScene, headline: str) -> Plot:
     """Return the plot of a run under the result to quote."""
     figure = picture_of(draw_plot, scene)
-    parameters = _parameters(scene)
-    quoted = fill(headline, TITLE_WIDTH).splitlines()
-    title = "\n".join([*parameters, *quoted])
-    # `draw_plot` has left room for one line to quote
-    size = 9.5 * min(1.0, (len(parameters) + 1) / (len(parameters) + len(quoted)))
+    parameters = "    ".join(scene.words.title[1:])
+    # breaks between the parts only
+    unbroken = re.sub(r"(?<! ) (?! )", "\u00a0", parameters)
+    lines = [fill(unbroken, TITLE_WIDTH), fill(headline, TITLE_WIDTH)]
+    title = "\n".join(lines).replace("\u00a0", " ").strip()
+    size = min(9.5, TITLE_HEIGHT / len(title.splitlines()))
     with matplotlib_style(STYLE):
         # a figure draws its title last in any case
         figure.draw_artist(
             figure.suptitle(title, y=0.99, fontsize=size, fontweight="bold")
         )
     return figure
-
-
-def _parameters(scene: PlotScene) -> list[str]:
-    """Return the lines of the title that name the parameters, each unbroken."""
-    parts = "    ".join(scene.words.title[1:])
-    unbroken = re.sub(r"(?<! ) (?! )", "\u00a0", parts)
-    return fill(unbroken, TITLE_WIDTH).replace("\u00a0", " ").splitlines()
 
 
 def draw_plot(scene: PlotScene) -> Plot:
@@ -233,8 +226,7 @@ def draw_plot(scene: PlotScene) -> Plot:
     from taichi_disk.pictures.inline import Plot
 
     with matplotlib_style(STYLE):
-        further_lines = len(_parameters(scene)) - 1
-        figure = Plot(figsize=(7.6, HEIGHT + further_lines * LINE_HEIGHT), dpi=120)
+        figure = Plot(figsize=(7.6, 9.2), dpi=120)
         canvas = FigureCanvasAgg(figure)
         if scene.static:
             _draw_loading(figure, scene)
@@ -246,12 +238,6 @@ def draw_plot(scene: PlotScene) -> Plot:
                 ax.yaxis.set_major_formatter(powers())
         canvas.draw()  # also fixes the style of ticks and grid
     return figure
-
-
-def _layout(figure: Any) -> dict[str, float]:
-    """Return the place of the axes, which are as high under any title."""
-    part = HEIGHT / figure.get_figheight()
-    return LAYOUT | {name: part * LAYOUT[name] for name in ("bottom", "top")}
 
 
 def _draw_run(figure: Any, scene: PlotScene) -> None:
@@ -266,7 +252,7 @@ def _draw_run(figure: Any, scene: PlotScene) -> None:
             1,
             sharex=True,
             height_ratios=ratios,
-            gridspec_kw=_layout(figure),
+            gridspec_kw=LAYOUT,
         )
     )
     axes.pop(2).remove()  # the legend of the energies takes the place of these axes
@@ -337,7 +323,7 @@ def _draw_loading(figure: Any, scene: PlotScene) -> None:
     xi = columns["xi"]
     load = columns["wall_force"]
     # room for half of the last number of the axis, such as 0.0175
-    layout = _layout(figure) | {"right": 0.965}
+    layout = LAYOUT | {"right": 0.965}
     force, energy = figure.subplots(
         2, 1, sharex=True, height_ratios=(2.0, 1.0), gridspec_kw=layout
     )

@@ -190,9 +190,7 @@ class Timeline:
         self.spacing = STORE_SPACING * start.scenario.model.springs.time_unit
         self._follow(Segment(StepControl(start.scenario, start.spectrum), kernels))
 
-    def carry_on(
-        self, start: Start, label: str, velocities: Array | None = None
-    ) -> None:
+    def carry_on(self, start: Start, label: str, velocities: Array | None) -> None:
         """Begin another segment from the present state, or with other `velocities` (n,
         2) [c]. `start`: how the changed scene would start with this lattice.
 
@@ -313,7 +311,7 @@ class Timeline:
 
     # ---- the state on display
 
-    def look_at(self, t: float, later: int = 0) -> bool:
+    def look_at(self, t: float, later: int) -> bool:
         """Show the first state stored at or after the time `t` [R/c], or the stored
         state `later` places further.
 

@@ -7,6 +7,7 @@ import re
 import signal
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from taichi_disk.mechanics.fields import QUANTITIES, Triangles, at_points
 from taichi_disk.pictures.render import artist
 from taichi_disk.pictures.web.drawing import FILM, bundle
 from taichi_disk.runs import api
+from taichi_disk.sandbox import session
 from tests.browser import Browser
 
 
@@ -384,6 +386,7 @@ const colours = films[0].scene.quantities.map(({ name }) =>
 window.computed = JSON.stringify({ found, colours });"""
 
 
+ELL = Path(session.__file__).with_name("ell.svg")
 FIREFOX = pytest.param("firefox", marks=pytest.mark.validate)
 
 
@@ -397,6 +400,7 @@ def test_a_page_steps_as_velocity_verlet_does_and_knows_every_colour(
         {},
         {"lattice.points": 160, "lattice.seed": 3},
         {"lattice.hole": 0.4, "lattice.core_radius": 0.6, "lattice.core_density": 3.0},
+        {"lattice.outline": str(ELL)},
     ):
         result = api.run(throwable(**changes), lattices=1)
         film, _ = packed(result.film(tmp_path / "film.html"))

@@ -96,7 +96,7 @@ def test_a_body_is_drawn_thrown_and_saved_with_the_same_numbers(
     turn = np.linspace(0.0, 6.5, 40)  # beyond its start
     egg = np.column_stack([0.7 * np.cos(turn), np.sin(turn)])
     eight = np.column_stack([np.sin(turn), np.sin(2.0 * turn)])
-    for line, text in ((eight, "Self-intersection"), (egg, "1 R = 0.6")):
+    for line, text in ((eight, "self-intersection at ("), (egg, "1 R = 0.6")):
         browser.click("draw")
         browser.trace([left, top] + 0.8 * disk * line)
         seen = "return sandbox.ui.message.textContent + sandbox.panel.warnings"

@@ -388,7 +388,7 @@ function record() {
       pointer(get("disk"), "pointermove", ...at(Math.cos(0.35 * k), 1 + Math.sin(0.35 * k)));
     drawFrame();
     pointer(get("disk"), "pointerup", ...at(1, 1));
-    show({ message: "lattice.outline: /tmp/drawn-1.svg: it crosses itself at (0.5, -1.5): no", refusals: 3 });
+    show({ message: "lattice.outline: /tmp/drawn-1.svg: it crosses itself at (0.5, 1.5): no", refusals: 3 });
     note(`  ${get("message").textContent}`);
   });
   step("the next one is a body, whose outline is saved", () => {

@@ -1,10 +1,12 @@
 """The doctor tries a real run in another process, survives its crash, and names the
 remedy."""
 
+import os
 import re
 import sys
 
 import pytest
+from programs import command
 
 from taichi_disk import doctor
 from taichi_disk.base import engine
@@ -61,3 +63,23 @@ def test_an_error_is_reported_with_the_remedy(monkeypatch, capsys):
     message = capsys.readouterr().out.partition("\nNot ready: ")[2]
     assert "lattice.points: must be" in message
     assert message.endswith(f"\n    {doctor.REMEDY}\n")
+
+
+@pytest.mark.parametrize(
+    "content", ["raise ImportError('of another\\n    Python')", "__version__ = '1.23'"]
+)
+def test_a_package_of_pythonpath_that_does_not_fit_is_named_with_the_cure(
+    tmp_path, content
+):
+    (tmp_path / "numpy").mkdir()
+    file = tmp_path / "numpy" / "__init__.py"
+    file.write_text(content)
+    folders = [str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(folders)}
+    foreign = f"by PYTHONPATH, numpy is {file}; try again after: unset PYTHONPATH"
+    done = command("run", "compression", cwd=tmp_path, env=environment)
+    assert done.returncode == 1 and len(done.stderr.splitlines()) == 1
+    assert foreign in done.stderr
+    done = command("doctor", env=environment)
+    assert done.returncode == 1
+    assert done.stdout.endswith(f"    {foreign}\n") and "libX11" not in done.stdout

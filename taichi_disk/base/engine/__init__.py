@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from taichi_disk.base.engine import environment, internals
 from taichi_disk.base.errors import TaichiDiskError
+from taichi_disk.base.machine import foreign_packages
 
 if TYPE_CHECKING:
     import taichi as ti  # noqa: F401 (`__getattr__` returns it)
@@ -35,9 +36,12 @@ def __getattr__(name: str) -> Any:
     try:
         module = import_module(NAME)
     except ImportError as error:
+        needs = (
+            "it needs libX11 and, on Linux, glibc 2.34 or later (Debian 12, Ubuntu"
+            " 22.04, RHEL 9)"
+        )
         raise TaichiDiskError(
-            f"{PACKAGE} cannot be loaded: {error}; it needs libX11 and, on Linux, glibc"
-            " 2.34 or later (Debian 12, Ubuntu 22.04, RHEL 9)"
+            f"{PACKAGE} cannot be loaded: {error}; {foreign_packages() or needs}"
         ) from None
     internals.patch(module)
     globals()["ti"] = module

@@ -119,7 +119,7 @@ def result_of(future: Future[Any], limit: float = inf) -> Any:
     until = monotonic() + limit
     while not future.done():
         if monotonic() >= until:
-            raise TimeoutError  # that of futures is another one before Python 3.11
+            raise TimeoutError  # before Python 3.11 futures raise another one
         raise_if_interrupted()
         wait([future], POLL_INTERVAL)
     return future.result()

@@ -56,7 +56,7 @@ class Contact:
     @property
     def _touches(self) -> Array:
         force = self._columns["wall_force"]
-        return np.asarray(force >= CONTACT_LEVEL * force.max())
+        return force >= CONTACT_LEVEL * force.max()
 
     @property
     def first_sample(self) -> float:

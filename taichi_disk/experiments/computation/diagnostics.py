@@ -216,7 +216,7 @@ class EnergyBalance:
         names = ("kinetic", "elastic", "wall")
         stored = np.abs(rows[:, [INDEX[name] for name in names]]).sum(axis=1)
         work = np.abs(rows[:, INDEX["load"]] - self._load)
-        return np.asarray(stored + work)
+        return stored + work
 
     def give(self, energy: float) -> None:
         """Count energy [M c^2] that entered through `load` from outside, so that it is

@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
-
 from taichi_disk.base.progress import Progress, silent
 from taichi_disk.experiments.computation.words import Words
 from taichi_disk.mechanics.lattice import Array, Lattice, OwnStart
@@ -163,7 +161,7 @@ class Scenario(ABC):
         """Return a curve of the run's accuracy (rows,): by default the relative energy
         imbalance."""
         lost = columns["total"] - columns["total"][0]
-        return np.asarray(lost / self.energy_scale(columns))
+        return lost / self.energy_scale(columns)
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
         """Return the changing lines of one picture of a film from its observables."""

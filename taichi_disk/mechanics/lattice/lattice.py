@@ -12,12 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from taichi_disk.base.errors import (
-    InputError,
-    SimulationError,
-    did_you_mean,
-    install_extra,
-)
+from taichi_disk.base.errors import InputError, SimulationError, did_you_mean
 from taichi_disk.base.text_files import read_text
 from taichi_disk.mechanics.lattice import custom
 from taichi_disk.mechanics.lattice.files import (
@@ -217,18 +212,21 @@ class Lattice:
         Raises InputError if the outline is open, crosses itself, is not one body, or
         has parts that `points` points cannot resolve; SimulationError as `disk` does.
         """
-        try:
-            from taichi_disk.mechanics.lattice.outlines import filled
-        except ImportError:
-            install = install_extra("outline")
-            raise InputError(
-                f"outlines need shapely and svgelements: {install}"
-            ) from None
-        x, triangles, note = filled(outline, points, seed, min_spacing)
-        origin = f"seed {seed}"
         if isinstance(outline, (str, Path)):
-            origin = f"{Path(outline).name}, {origin}"
-        return replace(numbered(x, triangles), origin=origin, notes=(note,))
+            path = Path(outline)
+            with reading(path, "outline"):
+                from taichi_disk.mechanics.lattice.outlines import read_outline
+
+                lattice = cls.outline(read_outline(path), points, seed, min_spacing)
+            return replace(lattice, origin=f"{path.name}, {lattice.origin}")
+        from taichi_disk.mechanics.lattice.outlines import filled
+
+        paths: Any = outline
+        if np.ndim(paths[0]) == 1:  # a point of the only path
+            paths = [outline]
+        paths = [custom.numbers(path, "outline") for path in paths]
+        x, triangles, note = filled(paths, points, seed, min_spacing)
+        return replace(numbered(x, triangles), origin=f"seed {seed}", notes=(note,))
 
     @classmethod
     def from_points(

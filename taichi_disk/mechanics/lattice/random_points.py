@@ -88,16 +88,22 @@ def check_counts(points: int, seed: int) -> None:
 def rim_points(points: int, hole: float = 0.0) -> int:
     """Return the number of points on the rim for which their spacing equals that of the
     inner points."""
-    # A rim point has half the area of an inner one, so the disk counts as n = points -
-    # rim/2 points; hexagonal_spacing(n) = 2 pi/rim is then quadratic in rim. With a
-    # `hole` [R], the points on its edge count half as well. At least one point stays
-    # inside.
     if points <= 3:
         return 3
-    k = 2.0 * np.pi * np.sqrt(3.0) * (1.0 + hole) / (1.0 - hole)
-    on_edges = float(np.sqrt(k * points + k * k / 16.0) - k / 4.0)
-    on_rim = round(on_edges / (1.0 + hole))
-    return min(on_rim, points - 1)
+    edges = 2.0 * math.pi * (1.0 + hole)
+    spacing = edge_spacing(points, edges, math.pi * (1.0 - hole**2))
+    on_rim = round(2.0 * math.pi / spacing)
+    return min(on_rim, points - 1)  # at least one point stays inside
+
+
+def edge_spacing(points: int, edges: float, area: float) -> float:
+    """Return the distance of points along the edges of a body that equals that of its
+    inner points. `edges`: their length."""
+    # A point on an edge has half the area of an inner one, so there are n = points -
+    # edges/spacing/2 hexagons; their spacing is then quadratic.
+    quarter = 0.25 * edges
+    root = math.sqrt(quarter**2 + 2.0 * area * points / math.sqrt(3.0))
+    return (quarter + root) / points
 
 
 def rim_spacing(points: int, hole: float = 0.0) -> float:

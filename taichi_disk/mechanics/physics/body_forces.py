@@ -121,7 +121,9 @@ class ExponentialWall(ExponentialPotential, Wall, BodyForce):
     def stiffness(self, lattice: Lattice, x: Array) -> Any:
         from scipy.sparse import diags
 
-        return diags((np.array([0.0, self.a]) * self.forces(lattice, x)).ravel())
+        # The force a V0 exp(-a y) falls at the rate of a times itself.
+        rates = np.array([0.0, self.a]) * self.forces(lattice, x)
+        return diags(rates.ravel())
 
     def contact_forces(
         self, lattice: Lattice, x: Array, *moving: Any
@@ -221,8 +223,8 @@ class MouseSpring(BodyForce):
 
     @ti.func
     def untie(self, state: ti.template()):
-        """Take the pull from the forces at this step, and return minus the potential
-        that goes with it [M c^2]."""
+        """Subtract the pull from the forces at this step, and return the change of the
+        potential [M c^2]."""
         return self.add_from_now_on(state, -1.0)
 
     @ti.func

@@ -103,7 +103,8 @@ class MatchedBoundary(Boundary):
 
     @ti.func
     def solved_power(self, state: ti.template()):
-        """Return u.Zu if the velocities u at this step are solved for."""
+        """Return the power u.Zu with the velocities u at this step, which a solver has
+        found."""
         power = 0.0
         for k in range(self.count[0]):
             u = get(state.u, self.point[k])

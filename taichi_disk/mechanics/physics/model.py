@@ -101,7 +101,7 @@ class Model:
             force[:, 0] += self.wall.friction_on(lattice, x, v, force)
         if self.is_pinned:
             force[lattice.wall_boundary] = 0.0
-        return np.asarray(force)
+        return force
 
     def stiffness(self, lattice: Lattice, x: Array) -> Any:
         """Return the second derivative of `energy`, without an elastic wall, sparse

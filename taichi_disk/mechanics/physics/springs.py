@@ -199,13 +199,13 @@ class Springs(Law):
 
     def pull(self, lattice: Lattice, s: Array) -> Array:
         """Return the tensions k_a s + k_b s^3 at the stretches `s` (m,) [M c^2/R]."""
-        return np.asarray(lattice.stiffened(s * (self.k_a + self.k_b * s * s)))
+        return lattice.stiffened(s * (self.k_a + self.k_b * s * s))
 
     def energies(self, lattice: Lattice, x: Array) -> Array:
         """Return the energy (m,) k_a s^2/2 + k_b s^4/4 of each spring [M c^2]."""
         square = self.stretch(lattice, x) ** 2
         energies = (0.5 * self.k_a + 0.25 * self.k_b * square) * square
-        return np.asarray(lattice.stiffened(energies))
+        return lattice.stiffened(energies)
 
     def energy(self, lattice: Lattice, x: Array) -> float:
         return float(self.energies(lattice, x).sum())

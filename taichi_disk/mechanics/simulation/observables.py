@@ -133,11 +133,11 @@ def as_columns(rows: Array, interval: float) -> Columns:
 def total_energy(rows: Array) -> Array:
     """Return the sum (rows,) of all energies and losses of `rows` (rows, columns) [M
     c^2]."""
-    return np.asarray(rows[:, ENERGY_INDICES].sum(axis=1))
+    return rows[:, ENERGY_INDICES].sum(axis=1)
 
 
 def within(rows: Array, bounds: Array) -> Array:
-    return np.asarray(((rows >= bounds[0]) & (rows <= bounds[1])).all(axis=1))
+    return ((rows >= bounds[0]) & (rows <= bounds[1])).all(axis=1)
 
 
 def split(columns: Columns, inertia: float) -> Columns:

@@ -77,7 +77,7 @@ class Snapshot:
             v = self.vectors[3]
         # dividing first gives the rounding of the kernels
         inverse_mass = 1.0 / lattice.masses[:, None]
-        return np.asarray(v + integrator.observed_kick * dt * inverse_mass * f)
+        return v + integrator.observed_kick * dt * inverse_mass * f
 
 
 # numbers, lengths and values of the fields
@@ -252,7 +252,7 @@ class Stepping:
         self.has_friction = model.has_friction
         self.rigid = model.wall is not None and not self.contact
         self.loads = tuple(law for law in model.body_forces if law is not model.wall)
-        # before their last kick
+        # the velocities that become observed ones by the last kick
         self.observed_velocities = state.v
         if state.corrected:
             self.observed_velocities = state.u

@@ -29,7 +29,7 @@ Shape = tuple[Array, Array]
 # heights [decay lengths]; the haze is interpolated, within 2 %
 _FADES = np.array([0.0, 0.4, 1.0, 1.8, 3.0, 5.0])
 FLATTENING = 0.05  # flattening of the drawn disk at automatic magnification [R]
-MAX_MAGNIFICATION = 20.0  # automatic
+MAX_MAGNIFICATION = 20.0  # largest automatic one
 NOTHING: Shape = np.zeros((0, 2)), np.zeros((0, 3))
 
 

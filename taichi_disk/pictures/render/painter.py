@@ -130,7 +130,7 @@ class Painter:
         parts = values / self.limit
         if self.signed:
             parts = 0.5 + 0.5 * parts
-        return np.asarray(parts)
+        return parts
 
     def colours(self, normalised: Array) -> NDArray[np.float32]:
         if self.colour == "fringes":
@@ -332,7 +332,7 @@ class Painter:
 
     def _of_springs(self, x: Array, v: Array, values: Array, ringing: float) -> Array:
         if QUANTITIES[self.colour].on != "springs":
-            return np.asarray(values[self.lattice.bonds].mean(axis=1))
+            return values[self.lattice.bonds].mean(axis=1)
         own = own_values(self.colour, self.triangles, self.springs, x, v)
         return self.normalised(ringing * own)
 

@@ -106,7 +106,7 @@ def _curve(nodes: tuple[Colour, ...], count: int) -> NDArray[np.float64]:
     known = np.linspace(0.0, 1.0, len(nodes))[:, None]
     powers = np.arange(len(nodes))
     coefficients = np.linalg.solve(known**powers, np.array(nodes, dtype=float))
-    return np.asarray(np.linspace(0.0, 1.0, count)[:, None] ** powers @ coefficients)
+    return np.linspace(0.0, 1.0, count)[:, None] ** powers @ coefficients
 
 
 _WHITE = np.array([0.95047, 1.0, 1.08883])  # white point D65

@@ -76,7 +76,7 @@ def draw_state(
         name, _, unit = run.scenario.words.time.partition("  ")
         title = f"{name} = {moment:.4g} {unit.strip('[]')}".strip()
         ax.set(xlabel="x  [R]", ylabel="y  [R]", title=title)
-        whole: Any = ax.figure.figure  # also of a part of a figure
+        whole: Any = ax.figure.figure  # `ax` may be in a subfigure
         whole.draw_without_rendering()
     return whole
 

@@ -153,12 +153,15 @@ export class Again {
     const { disk, states, centre, fullForce, limits } = this;
     const { a, V0 } = disk;
     const k = Math.floor(place);
-    const [one, next] = [states[k], states[Math.min(k + 1, states.length - 1)]];
+    const one = states[k];
+    const next = states[Math.min(k + 1, states.length - 1)];
     const mixed = (from, to) => from + (place - k) * (to - from);
-    const [x, v] = ["x", "v"].map((name) => one[name].map((from, i) => mixed(from, next[name][i])));
+    const x = one.x.map((from, i) => mixed(from, next.x[i]));
+    const v = one.v.map((from, i) => mixed(from, next.v[i]));
     const y = mixed(one.com_y, next.com_y);
     const force = (i) => a * V0 * Math.exp(-a * x[2 * i + 1]);
     const pushed = [...disk.masses.keys()].filter((i) => force(i) > LEAST_FORCE * fullForce);
+    const centresBefore = states.slice(0, k + 1).map((each) => [centre, each.com_y]);
     return {
       t: place,
       x,
@@ -166,7 +169,7 @@ export class Again {
       limit: (limits[quantity] ??= this.limit(quantity)),
       forces: pushed.flatMap((i) => [i, 0, force(i)]),
       fullForce,
-      path: [...states.slice(0, k + 1).map((each) => [centre, each.com_y]), [centre, y]],
+      path: [...centresBefore, [centre, y]],
       row: { com_x: centre, com_y: y },
       velocity: [0, mixed(one.com_vy, next.com_vy) / this.v],
     };

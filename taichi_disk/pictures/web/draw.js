@@ -308,12 +308,13 @@ export class Drawing {
     const { draw, quantity } = this.options;
     const between = (low, value, high) => Math.min(Math.max(value, low), high);
     if (draw === "springs")
-      return [{ mark: 1, radius: 0.5 * ratio * between(1.5, 0.15 * apart, 4) }];
-    if (draw === "points") return [{ mark: 2, radius: ratio * between(1, 0.3 * apart, 6) }];
+      return [{ mark: "springs", radius: 0.5 * ratio * between(1.5, 0.15 * apart, 4) }];
+    if (draw === "points") return [{ mark: "points", radius: ratio * between(1, 0.3 * apart, 6) }];
     const ink =
       draw === "both" && quantity !== "fringes" ? 0.25 * between(0, (apart - 5) / 9, 1) : 0;
     const radius = 0.75 * ratio * Math.sqrt(this.options.letters);
-    return ink ? [{ mark: 0 }, { mark: 1, radius, ink }] : [{ mark: 0 }];
+    const field = { mark: "triangles" };
+    return ink ? [field, { mark: "springs", radius, ink }] : [field];
   }
 
   // Return the undeformed disk at the place, height and angle of the disk at `x`. Points of the

@@ -35,7 +35,7 @@ export class Field {
   }
 
   // positions (2n) [R]; values (n), or one for each spring; marks: what to draw, in order, as
-  // {mark: 0 triangles, 1 springs, 2 points; radius [px]; ink: opacity of black instead of a
+  // {mark: "triangles", "springs" or "points"; radius [px]; ink: opacity of black instead of a
   // colour}; colours: 256 x 3 bytes; factor: pixels per R; shift: the origin [px], y upwards;
   // scale: factor and shift from a value to its place in the colour map; fringes: whether the
   // colours repeat.
@@ -58,8 +58,8 @@ export class Field {
     }
     const ofSprings = values.length !== this.places.length / 2;
     for (const { mark, radius = 0, ink = 0 } of marks) {
-      if (mark === 0) this.fillTriangles();
-      else if (mark === 1) this.drawSprings(radius, ink, ofSprings);
+      if (mark === "triangles") this.fillTriangles();
+      else if (mark === "springs") this.drawSprings(radius, ink, ofSprings);
       else this.drawPoints(radius);
     }
     this.context.putImageData(this.image, 0, 0);

@@ -24,6 +24,20 @@ function between(values, place) {
   return values[k] + (place - k) * (next - values[k]);
 }
 
+// Return the numbers of 16 bits whose low bytes are the first half, and high bytes the second.
+function joined(bytes) {
+  const count = bytes.length / 2;
+  const numbers = new Int16Array(count);
+  for (let i = 0; i < count; i++) numbers[i] = bytes[i] | (bytes[count + i] << 8);
+  return numbers;
+}
+
+// Turn differences from the state before, `size` numbers each, into the states.
+function summed(numbers, size) {
+  for (let i = size; i < numbers.length; i++) numbers[i] += numbers[i - size];
+  return numbers;
+}
+
 // The states of one run. A throw (`Again`) has the same attributes and `state`:
 //   times: of the states; cues: the place in that list, of each picture; end: of the run
 //   curves: over `times`; captions: the changing words of each picture, in lines
@@ -40,20 +54,10 @@ class Recording {
     for (const name of ["forces", "centres", "velocities"]) {
       this[name] = array(name, Float32Array);
     }
-    // Numbers are differences from the state before; all low bytes of displacements come before
-    // the high bytes.
-    const halves = array("displacements", Uint8Array);
-    const count = halves.length / 2;
-    this.displacements = new Int16Array(count);
-    for (let i = 0; i < count; i++) {
-      const before = this.displacements[i - 2 * points] ?? 0;
-      this.displacements[i] = before + (halves[i] | (halves[count + i] << 8));
-    }
+    this.displacements = summed(joined(array("displacements", Uint8Array)), 2 * points);
     this.codes = {};
     for (const name of Object.keys(run.limits)) {
-      const codes = array(name, Uint8Array);
-      for (let i = points; i < codes.length; i++) codes[i] += codes[i - points];
-      this.codes[name] = codes;
+      this.codes[name] = summed(array(name, Uint8Array), points);
     }
     this.rest = decoded(run.scene.rest, Float32Array);
     this.x = new Float32Array(2 * points);

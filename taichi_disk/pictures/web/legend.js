@@ -62,12 +62,11 @@ function drawArrow(ctx, shaft, head, ink, thickness) {
 // and the width beside the colour scale.
 function layout(width, height) {
   const isWide = width > 460;
-  const isLow = height < 400;
-  const high = { bar: 52, numbers: 28, name: 10, hasKeys: true };
-  const low = { height: 62, bar: 56, numbers: 32, name: 10, row: 51 };
-  if (width >= 720) return { ...high, height: 66, row: 47, beside: 380 };
-  if (!isLow) return { ...high, height: 94, row: 80, beside: 64 };
-  return { ...low, beside: isWide ? 380 : 64, hasKeys: isWide };
+  const high = { bar: 52, numbers: 28, name: 10 };
+  const low = { bar: 56, numbers: 32, name: 10 };
+  if (width >= 720) return { height: 66, ...high, row: 47, beside: 380, hasKeys: true };
+  if (height >= 400) return { height: 94, ...high, row: 80, beside: 64, hasKeys: true };
+  return { height: 62, ...low, row: 51, beside: isWide ? 380 : 64, hasKeys: isWide };
 }
 
 export const footer = (width, height) => layout(width, height).height;

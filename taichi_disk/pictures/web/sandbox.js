@@ -125,7 +125,7 @@ export class Sandbox {
       svg: () => download(this.outline, this.outlineName, "text/plain"),
       draw: () => this.sketch(!this.isSketching),
       csv: () => download(asText(ui.table, ","), "results.csv", "text/csv"),
-      copy: () => copy(asText(ui.table, "\t")),
+      copy: () => copy(asText(ui.table, "\t"), (text) => this.say(text), "Copied: paste it into a table."),
       projector: () => this.project(!node.hasAttribute("data-projector")),
       fold: () => this.fold(),
       more: () => (ui.more.ariaExpanded = node.toggleAttribute("data-more")),
@@ -466,7 +466,7 @@ export class Sandbox {
     this.shownMessage = key;
     // a place in a stroke, whose file is none of the user's
     const [, fault, x, y] = /svg: (.*?[[(](\S+?),? (\S+)[\])].*)/.exec(text) ?? [];
-    this.crossing = this.stroke.length && x ? [Number(x), -Number(y)] : null;
+    this.crossing = this.stroke.length && x ? [Number(x), Number(y)] : null;
     this.say(this.crossing ? fault : text);
   }
 

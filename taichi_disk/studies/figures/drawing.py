@@ -34,6 +34,7 @@ SYMBOLS = {
     "points": "N",
     "boundary": "",
     "method": "",
+    "outline": "",
 }
 FONT = {
     "font.size": 9,

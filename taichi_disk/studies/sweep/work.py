@@ -98,7 +98,7 @@ def _computed(scene: Scene, estimate: bool) -> PointResult:
     outcome = outcome_of(scene, estimate=estimate)
     summary = outcome.summary
     numbers: dict[str, Any] = dict(outcome.scenario.result(outcome.series))
-    if scene.lattice.file == "none":  # the material of other points is not known
+    if scene.lattice.file == scene.lattice.outline == "none":  # laws are of disks
         moduli = scene.moduli(scene.lattice.points)
         numbers |= {"young": moduli.young, "poisson": moduli.poisson}
     numbers["error_estimate"] = next(iter(summary["error_estimate"].values()), None)

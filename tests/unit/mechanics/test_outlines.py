@@ -1,6 +1,8 @@
 """Bodies by their outlines: what is filled, and that everything else is refused."""
 
 import math
+import re
+import sys
 
 import numpy as np
 import pytest
@@ -23,8 +25,8 @@ SHAPES = {
     "L": ELL,
     "ring": [CIRCLE, 0.5 * CIRCLE],
     "measured": MEASURED,
-    "fine": (1.0 + 1e-3 * np.sin(900.0 * np.linspace(0, 6.28, 10_000)))[:, None]
-    * np.column_stack([f(np.linspace(0.0, 6.28, 10_000)) for f in (np.cos, np.sin)]),
+    "fine": (1.0 + 1e-3 * np.sin(900.0 * np.linspace(0, 6.2832, 10_000)))[:, None]
+    * np.column_stack([f(np.linspace(0.0, 6.2832, 10_000)) for f in (np.cos, np.sin)]),
 }
 
 
@@ -111,31 +113,34 @@ def test_a_drawing_gives_the_body_of_its_points(tmp_path):
 
 
 FAULTS = {
-    "open.svg": (svg('<path d="M0 4A4 4 0 0 1 8 4"/>'), "open from (8, 4) to (0, 4)"),
+    "open.svg": (svg('<path d="M0 4A4 4 0 0 1 8 4"/>'), "open from (8, -4) to (0, -4)"),
     "open.csv": ("\n".join(f"{k},{k * k / 90}" for k in range(90)), "a path is open"),
-    "bow.csv": ("0,0\n1,1\n1,0\n0,1", "not the edge of one body: Self-intersection[0."),
+    "bow.csv": (
+        "0,0\n1,1\n1,0\n0,1",
+        "of one body: self-intersection at (0.5, 0.5)",
+    ),
     "two.svg": (
         svg('<circle r="4"/><circle cx="9" r="4"/>'),
-        "Hole lies outside shell",
+        "hole lies outside shell at (13, 0)",
     ),
     "three.svg": (
         svg('<circle r="9"/><circle r="6"/><circle r="4"/>'),
-        "Holes are nested[",
+        "holes are nested at (",
     ),
     "words.svg": (svg("<text>body</text>"), "words and images must be made paths"),
     "empty.svg": (svg(""), "there are no paths"),
     "empty.csv": ("x,y\n", "it has no points (x | y)"),
-    "pair.csv": ("0,0\n1,0", "a path has fewer than 3 points"),
+    "pair.csv": ("0,0\n1,0", "requires at least 4 coordinates"),
     "line.csv": ("0,0\n1,0\n2,0", "not the edge of one body"),
     "broken.svg": ("<svg><path d=", "unclosed token"),
     "slender.csv": ("0,0\n10,0\n10,1\n0,1", "the points extend over"),
     "neck.svg": (
         svg('<path d="M0 0h4v2.8h2v-2.8h4v6h-4v-2.8h-2v2.8h-4z"/>'),
-        "3.2) the body, a hole or a notch is too thin for springs of 0.4",
+        "at (4.8, -2.8) the body, a hole or a notch is too thin: take some ",
     ),
-    "notch.svg": (svg('<path d="M0 0H40V40H43V0H80V80H0Z"/>'), "at (40, 40) the body"),
-    "dot.svg": (svg('<circle r="9"/><circle r=".3"/>'), "too thin for springs"),
-    "tip.csv": ("0,0\n4,.1\n4,2\n2,2\n2,.3\n0,.2", "too thin for springs"),
+    "notch.svg": (svg('<path d="M0 0H40V40H43V0H80V80H0Z"/>'), "at (40, -40) the body"),
+    "dot.svg": (svg('<circle r="9"/><circle r=".3"/>'), "too thin: take some"),
+    "tip.csv": ("0,0\n4,.1\n4,2\n2,2\n2,.3\n0,.2", "too thin: take some"),
 }
 
 
@@ -156,7 +161,17 @@ def test_the_number_of_points_that_it_names_will_do(tmp_path, name):
     path.write_text(FAULTS[name][0])
     with pytest.raises(InputError) as error:
         Lattice.outline(path, 300)
-    enough = int(str(error.value).split()[-2].replace(",", ""))
+    enough = int(re.findall("some (.+) points", str(error.value))[0].replace(",", ""))
     assert 300 < len(Lattice.outline(path, enough).masses) < 40_000
     with pytest.raises(InputError):
         Lattice.outline(path, enough // 2)
+
+
+def test_a_library_that_is_missing_is_named(tmp_path, monkeypatch):
+    path = tmp_path / "l.csv"
+    np.savetxt(path, ELL)
+    module = "taichi_disk.mechanics.lattice.outlines"
+    monkeypatch.delitem(sys.modules, module, raising=False)
+    monkeypatch.setitem(sys.modules, "svgelements", None)
+    with pytest.raises(InputError, match=r"l.csv: it needs svgelements: .*pip install"):
+        Lattice.outline(path, 300)
