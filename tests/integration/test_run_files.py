@@ -16,7 +16,7 @@ import reference
 import yaml
 from programs import contents, python, summary_in
 
-from taichi_disk import Lattice, load_scene, run
+from taichi_disk import Lattice, Result, load_scene, run
 from taichi_disk.base import engine, files
 from taichi_disk.cli import main
 from taichi_disk.mechanics.physics import ElasticWall, MatchedBoundary, Model, Springs
@@ -394,5 +394,6 @@ def test_a_run_keeps_its_outline_and_repeats_it_in_a_folder_that_moved(tmp_path)
     first.out.rename(tmp_path / "moved")
     again = run(load_scene(tmp_path / "moved/scene.yaml"), tmp_path / "moved")
     assert again.out.name == "moved"
+    assert Result.load(again.out).restitution == first.restitution
     assert (again.positions == first.positions).all()
     assert (again.save(tmp_path / "saved") / "outline.csv").is_file()

@@ -15,8 +15,35 @@ CONTACT_LEVEL = 0.01
 STRETCHED = 0.1
 
 
+def apexes(columns: Columns) -> list[int]:
+    """Return the rows at which the centre of mass begins to fall, above the height of
+    its start: one after each bounce under gravity."""
+    v = columns["com_vy"]
+    is_high = columns["com_y"] > columns["com_y"][0]
+    falls = (v[:-1] > 0.0) & (v[1:] <= 0.0) & is_high[1:]
+    return [int(row) for row in np.flatnonzero(falls) + 1]
+
+
+def flights(columns: Columns) -> list[int]:
+    """Return one row of each flight: the first row, then the apexes; the last row if
+    there is none."""
+    return [0, *(apexes(columns) or [len(columns["t"]) - 1])]
+
+
+def flight_energies(columns: Columns, gravity: float, surface: float) -> Array:
+    """Return the energy of the centre of mass in each flight (flights,) [M c^2], with
+    its potential above the height `surface` [R]; 0 if it stays on the wall."""
+    energy = 0.5 * columns["com_vy"] ** 2 + np.maximum(columns["wall"], 0.0)
+    energy += gravity * (columns["com_y"] - surface)
+    energies = energy[flights(columns)]
+    if gravity and not apexes(columns):
+        energies[1] = 0.0
+    return energies
+
+
 class Contact:
-    """The contact of wall and disk in the time series `columns` of a run.
+    """The contact of wall and disk in the time series `columns` of a run; of several
+    bounces that of the number `bounce`, from 0.
 
     Attributes:
         start, end: first and last time at which the wall's force crosses CONTACT_LEVEL
@@ -25,7 +52,9 @@ class Contact:
             back.
     """
 
-    def __init__(self, columns: Columns) -> None:
+    def __init__(self, columns: Columns, bounce: int = 0) -> None:
+        before, after = flights(columns)[bounce : bounce + 2]
+        columns = {name: values[before : after + 1] for name, values in columns.items()}
         self._columns = columns
         t = columns["t"]
         force = columns["wall_force"]

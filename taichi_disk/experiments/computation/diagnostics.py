@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.base.errors import SimulationError
-from taichi_disk.experiments.computation.contact import Contact
+from taichi_disk.experiments.computation.contact import Contact, apexes
 from taichi_disk.experiments.computation.scenario import Scenario
 from taichi_disk.mechanics.lattice import Array, Lattice
 from taichi_disk.mechanics.lattice.lattice import double_area
@@ -73,6 +73,7 @@ def warnings(scenario: Scenario, columns: Columns) -> list[str]:
         unacceptable(scenario, columns),
         _sliding(scenario, columns),
         _rotation_lost(scenario, columns),
+        _at_rest(scenario, columns),
     ]
     return [text for text in candidates if text]
 
@@ -147,6 +148,19 @@ def faster_than_before(gained: dict[str, float]) -> str:
         "e exceeds one because the impact turned other energy into flight away from the"
         " wall. In units of the energy of the flight towards it this was"
         f" {parts_text(gained)}; {remedy} e measures the flight alone"
+    )
+
+
+def _at_rest(scenario: Scenario, columns: Columns) -> str:
+    if not scenario.is_thrown or not scenario.scene.impact.gravity:
+        return ""
+    made = len(apexes(columns))
+    asked = scenario.scene.impact.bounces
+    if made >= asked:
+        return ""
+    return (
+        f"{made} of {asked} bounces: then the disk stayed on the wall, because its"
+        " energy does not suffice to lift it to the height of its start"
     )
 
 

@@ -193,7 +193,9 @@ class Driver:
     def _end_if_settled(self) -> None:
         # Use only the rows of the settling time, because this check may run at every
         # row.
-        last_rows = self.rows[max(0, self.count - self.needed_rows - 1) :]
+        last_rows = self.rows
+        if not self.scenario.is_thrown:  # to count the bounces
+            last_rows = self.rows[max(0, self.count - self.needed_rows - 1) :]
         remaining = self.scenario.time_to_end(as_columns(last_rows, self.interval))
         if remaining == 0.0:
             self._finish()

@@ -158,7 +158,7 @@ def _described(
     if gained:
         warnings.append(diagnostics.faster_than_before(gained))
     is_uncertain = errors.get(primary, 0.0) > SUSPICIOUS_ERROR * abs(value)
-    if is_uncertain and scenario.step_dependent:
+    if is_uncertain and value and scenario.step_dependent:
         warnings.append(uncertain(primary, value, errors[primary]))
     summary = summary_of(scenario, columns, warnings) | {
         "steps": end.step,

@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from dataclasses import Field, dataclass, field, fields
 from functools import cache
-from math import cos, sin
+from math import cos, sin, sqrt
 from typing import (
     TYPE_CHECKING,
     Any,
@@ -330,6 +330,27 @@ class ImpactSection(Section):
     max_time: Auto | float = key(
         "auto", "time limit for the disk to leave the wall", "R/c", low=1e-6, high=1e6
     )
+    gravity: float = key(0.0, "downward acceleration of the disk", "c^2/R", high=0.1)
+    drop: float = key(
+        0.0, "height of a fall that gives the velocity; 0: none", "R", high=100
+    )
+    bounces: int = key(1, "number of impacts; several need gravity", low=1, high=100)
+
+    def __post_init__(self) -> None:
+        if self.fall_speed and self.velocity == ImpactSection.velocity:
+            object.__setattr__(self, "velocity", self.fall_speed)
+
+    @property
+    def rise(self) -> float:
+        """How high a disk rises that keeps its speed [R]; 0 without gravity."""
+        if not self.gravity:
+            return 0.0
+        return 0.5 * self.velocity**2 / self.gravity
+
+    @property
+    def fall_speed(self) -> float:
+        """Speed after a fall from the height `drop` [c]; 0 without gravity."""
+        return sqrt(2.0 * self.gravity * self.drop)
 
     @property
     def towards(self) -> float:

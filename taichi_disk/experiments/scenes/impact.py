@@ -12,7 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_disk.base.errors import InputError
-from taichi_disk.experiments.computation.contact import CONTACT_LEVEL, Contact
+from taichi_disk.experiments.computation.contact import (
+    CONTACT_LEVEL,
+    Contact,
+    apexes,
+    flight_energies,
+    flights,
+)
 from taichi_disk.experiments.computation.scenario import (
     Array,
     Scenario,
@@ -21,6 +27,7 @@ from taichi_disk.experiments.computation.scenario import (
     time_text,
 )
 from taichi_disk.experiments.scenes import oblique
+from taichi_disk.experiments.scenes.bounces import LATER, NAMES, bounce_conflicts
 from taichi_disk.experiments.scenes.conflicts import Conflicts, gap_conflicts
 from taichi_disk.experiments.scenes.scene import DiskScene
 from taichi_disk.mechanics.lattice import Lattice, disk_of
@@ -62,6 +69,7 @@ LEAST_SHARE = 5e-4  # of the energy that is worth a word
 
 LABELS = {
     "restitution": ("restitution e", ""),
+    **LATER,
     "contact_time": ("contact time", "R/c"),
     **oblique.LABELS,
 }
@@ -110,7 +118,7 @@ class ImpactScene(DiskScene):
     slip_remedy = ""  # advice for a disk that has left the wall's end
     abscissa = ("impact", "velocity")
     results = ("restitution", "contact_time")
-    optional_results = tuple(oblique.LABELS)
+    optional_results = (*LATER, *oblique.LABELS)
 
     wall: Any = None
     impact: Any = None
@@ -121,7 +129,9 @@ class ImpactScene(DiskScene):
         return self.material.k_a
 
     def conflicts(self) -> Conflicts:
-        return super().conflicts() + gap_conflicts(self.wall, self.impact)
+        found = super().conflicts() + gap_conflicts(self.wall, self.impact)
+        reach = oblique.start_gap(self.wall, self.impact, self.time)
+        return found + bounce_conflicts(self.impact, reach)
 
     def thrown_with(self, body: Lattice, velocities: Array) -> Self:
         super().thrown_with(body, velocities)
@@ -144,13 +154,24 @@ class ImpactScene(DiskScene):
 
     def of_body(self, body: Lattice) -> ImpactScenario:
         from taichi_disk.experiments.computation.stability import impact_point_force
+        from taichi_disk.mechanics.physics import Load
 
         springs = self.springs(body)
         velocity = self.impact.towards
         shape = self._shape(body, springs)
+        if self.impact.gravity and (self.is_oblique or not shape.is_round):
+            raise InputError(
+                "impact.gravity: only round bodies bounce, thrown straight down without"
+                " spin at a wall without friction: write gravity: 0, or change the rest"
+            )
         gap, lattice = self._placed(body, shape)
         model = self.model_of(lattice, springs)
+        if self.impact.gravity:
+            model = replace(model, load=Load(self.impact.gravity))
         assert model.wall is not None
+        # Under gravity speeds and heights are those above the point where a rigid disk
+        # would turn back.
+        fall = gap - self.wall.height_of(0.5 * velocity**2)
         potential = max(model.wall.energy(lattice, lattice.positions), 0.0)
         spoke = -1
         if self.is_oblique:
@@ -158,7 +179,7 @@ class ImpactScene(DiskScene):
         return ImpactScenario(
             scene=self,
             lattice=lattice,
-            velocities=self._flight(lattice),
+            velocities=self._flight(lattice, fall),
             model=model,
             point_force=impact_point_force(lattice, model, velocity),
             max_time=self._max_time(gap, shape, springs.time_unit),
@@ -169,6 +190,7 @@ class ImpactScene(DiskScene):
             shape=shape,
             gap=gap,
             speed_before=float(np.sqrt(velocity**2 + 2.0 * potential)),
+            surface=float(lattice.mean(lattice.positions)[1]) - fall,
         )
 
     @abstractmethod
@@ -195,8 +217,8 @@ class ImpactScene(DiskScene):
             path.append(contact + 1.2 * gap * rolling / self.impact.towards)
         x, y = lattice.positions[: lattice.disk_points].T
         reach = max(1.1, 0.1 + float(np.abs(x).max()))
-        top = max(2.0 + gap, float(y.max()))
-        return min(path) - reach, max(path) + reach, -0.1, top
+        top = max(2.0 + gap, 2.0 + self.impact.rise, y.max())
+        return min(path) - reach, max(path) + reach, -0.1, float(top)
 
     def _shape(self, body: Lattice, springs: Springs) -> Shape:
         disk = disk_of(body)
@@ -235,12 +257,14 @@ class ImpactScene(DiskScene):
         positions[:n] += [self.start_offset(gap), gap - lowest]
         return gap, replace(body, positions=positions)
 
-    def _flight(self, lattice: Lattice) -> Array:
-        """Return the velocities (n, 2) at the start [c]."""
+    def _flight(self, lattice: Lattice, fall: float) -> Array:
+        """Return the velocities (n, 2) at the start [c], `fall` [R] above the
+        surface."""
         impact = self.impact
         n = lattice.disk_points
         velocities = np.zeros_like(lattice.positions)
-        velocities[:n] = impact.along, -impact.towards
+        before_fall = impact.towards**2 - 2.0 * impact.gravity * fall
+        velocities[:n] = impact.along, -np.sqrt(before_fall)
         if impact.spin:
             arm = lattice.positions[:n] - lattice.mean(lattice.positions)
             velocities[:n] += impact.spin * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
@@ -268,7 +292,9 @@ class ImpactScene(DiskScene):
         contact_time = max(hertz_time, half_bending_period)
         # 1 for the flight to the wall, 1/0.05 = 20 for the flight away, 1 in reserve
         flight_times = 22.0 * (gap + shape.outline_depth) / velocity
-        return float(flight_times + 10.0 * contact_time)
+        # and for each impact a flight up and down, which lasts 2 v/g
+        impact_time = 10.0 * contact_time + 4.0 * self.impact.rise / velocity
+        return float(flight_times + self.impact.bounces * impact_time)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -280,12 +306,14 @@ class ImpactScenario(Scenario):
         shape: the unloaded disk.
         gap: initial distance of the lowest point from the wall [R].
         speed_before: speed towards the wall before the impact, far from the wall [c].
+        surface: height of the centre at which a rigid disk would turn back [R].
     """
 
     scene: Any
     shape: Shape
     gap: float
     speed_before: float
+    surface: float
 
     is_thrown = True
 
@@ -308,6 +336,8 @@ class ImpactScenario(Scenario):
     # ---- the end
 
     def end_bounds(self) -> dict[str, tuple[float, float]]:
+        if self.scene.impact.gravity:  # it may stay on the wall
+            return {}
         return {"com_vy": (0.0, np.inf), "lowest_y": (self.gap, np.inf)}
 
     def time_to_end(self, columns: Columns) -> float:
@@ -317,6 +347,14 @@ class ImpactScenario(Scenario):
         # rod bends more. A disk that turns faster than it rises must clear the wall
         # entirely.
         last = {name: float(values[-1]) for name, values in columns.items()}
+        impact = self.scene.impact
+        if impact.gravity:
+            # It stays on the wall if no energy is left to lift it to its start.
+            stored = sum(last[name] for name in of_kind("energy"))
+            has_ended = len(apexes(columns)) >= impact.bounces
+            if has_ended or stored < columns["load"][0]:
+                return 0.0
+            return abs(last["com_vy"]) / impact.gravity + self.gap / self.velocity
         spin = last["angular_momentum"] / self.shape.inertia
         speed2 = last["com_vx"] ** 2 + last["com_vy"] ** 2
         rigid = 0.5 * (speed2 + self.shape.inertia * spin**2)
@@ -344,12 +382,10 @@ class ImpactScenario(Scenario):
         )
 
     def end_truncation_error(self, columns: Columns) -> float:
-        gained = (
-            self.speed_before
-            - self.velocity
-            + self._speed_after(columns)
-            - float(columns["com_vy"][-1])
-        )
+        row = flights(columns)[1]
+        last = abs(float(columns["com_vy"][row]))
+        far = float(np.sqrt(last**2 + 2.0 * max(columns["wall"][row], 0.0)))
+        gained = self.speed_before - self.velocity + far - last
         return POTENTIAL_CAUTION * gained / self.velocity
 
     @cached_property
@@ -370,10 +406,10 @@ class ImpactScenario(Scenario):
 
     def result(self, columns: Columns) -> dict[str, float]:
         contact = Contact(columns)
-        found = {
-            "restitution": self._speed_after(columns) / self.speed_before,
-            "contact_time": contact.end - contact.start,
-        }
+        speeds = self._speeds(columns)
+        ratios = (speeds[1:] / speeds[:-1])[: self.scene.impact.bounces]
+        found = dict(zip(NAMES, ratios.tolist(), strict=False))
+        found["contact_time"] = contact.end - contact.start
         if self.scene.is_oblique:
             inertia = self.shape.inertia
             found |= oblique.along_the_wall(columns, self.outline, inertia)
@@ -383,19 +419,21 @@ class ImpactScenario(Scenario):
 
     def result_scales(self, columns: Columns) -> dict[str, float]:
         scales = {"restitution": 1.0, "contact_time": 0.0}
+        scales |= dict.fromkeys(LATER, 1.0)
         if self.scene.is_oblique:
             inertia = self.shape.inertia
             scales |= oblique.scales_along_the_wall(columns, self.outline, inertia)
         return scales
 
-    def _speed_after(self, columns: Columns) -> float:
-        return float(
-            np.sqrt(columns["com_vy"][-1] ** 2 + 2.0 * max(columns["wall"][-1], 0.0))
-        )
+    def _speeds(self, columns: Columns) -> Array:
+        """Return the speeds (flights,) [c] without the wall, at its surface."""
+        gravity = self.scene.impact.gravity
+        energies = flight_energies(columns, gravity, self.surface)
+        return np.array([self.speed_before, *np.sqrt(2.0 * energies[1:])])
 
     def conclusion(self, columns: Columns) -> str:
         before = self.speed_before
-        after = self._speed_after(columns)
+        after = self._speeds(columns)[1]
         direction = ""
         if self.scene.is_oblique:
             along = columns["com_vx"]
@@ -461,6 +499,7 @@ class ImpactScenario(Scenario):
             "spin {:g} c/R": impact.spin,
             "μ = {:g}": scene.wall.friction,
             "turned by {:g}": impact.turn,
+            "g = {:g} c²/R": impact.gravity,
         }
         numbers |= {text: text.format(one) for text, one in optional.items() if one}
         if self.own.velocities is not None:

@@ -136,7 +136,8 @@ def film_times(
     """Return the times (_PACE_TIMES,) [R/c] of a film over the times `whole`, at a pace
     that changes smoothly from the flights to the slow motion of the contact.
     `second_flight`: its film time over that of the contact."""
-    if not longest.scenario.is_thrown:
+    scenario = longest.scenario
+    if not scenario.is_thrown or scenario.scene.impact.bounces > 1:
         return np.linspace(*whole, _PACE_TIMES)
     first = min(run.contact.start for run in runs)
     second = max(run.contact.end for run in runs)

@@ -488,7 +488,7 @@ class Result(Outcome):
             )
         scene = load_scene(path, overrides)
         work = Work(scene, progress=progress)
-        if summary.get("lattice_digest", "") != work.own.digest:
+        if summary.get("lattice_digest", "") != work.digest:
             raise InputError(
                 f"{folder}: the lattice or the velocities in lattice.npz have changed"
                 " since the run, or another version of the program wrote them: run"

@@ -247,7 +247,8 @@ def test_the_name_of_a_lattice_file_starts_from_the_scene_file(tmp_path, monkeyp
 
 def test_the_shipped_scenes_are_the_defaults_written_out():
     shipped = shipped_scenes()
-    others = {"oblique_impact", "ringing_disk", "figure2", "figure3", "figure6"}
+    others = {"bouncing_disk", "oblique_impact", "ringing_disk"}
+    others |= {"figure2", "figure3", "figure6"}
     assert set(shipped) == {*SCENES, *others}
     for kind, scene in SCENES.items():
         top = ROOT / "scenes" / f"{kind}.yaml"
@@ -306,8 +307,10 @@ BOUNDS = """
 -1.5 1.5 impact.angle
 0 0.75 lattice.min_spacing
 0 0.95 lattice.core_radius lattice.hole
+0 0.1 impact.gravity
 0 2 video.flight
 0 10 wall.friction
+0 100 impact.drop
 0 1e6 material.eta_star material.k_b material.viscosity
 0 4294967295 lattice.seed
 1e-12 1e12 wall.V0
@@ -326,6 +329,7 @@ BOUNDS = """
 0.1 1e6 wall.a
 0.5 3 video.text
 1 2 video.supersample
+1 100 impact.bounces
 1 120 video.fps
 1 1000 video.magnify
 0.01 1 video.goal

@@ -223,7 +223,7 @@ def test_the_last_override_of_a_key_wins():
 
 
 def test_a_missing_file_is_answered_with_the_nearest_name(tmp_path):
-    shipped = "The shipped scenes are absorbing_wall, compression, .*, ringing_disk$"
+    shipped = "The shipped scenes are absorbing_wall, bouncing_disk, .*, ringing_disk$"
     with pytest.raises(InputError, match=rf"^nonsense: no such file\. {shipped}"):
         load_scene("nonsense")
     near = rf"no such file; did you mean exponential_wall\? {shipped}"

@@ -1,0 +1,52 @@
+"""Several bounces under gravity: their results, and conflicts of their keys."""
+
+from __future__ import annotations
+
+from taichi_disk.experiments.config.sections import ImpactSection
+from taichi_disk.experiments.scenes.conflicts import Conflicts
+
+# name and unit of the results of later bounces, up to the most `impact.bounces`
+LATER = {
+    f"restitution_{number}": (f"restitution e of bounce {number}", "")
+    for number in range(2, 101)
+}
+NAMES = ("restitution", *LATER)
+# longest flights in all [R/c]: some minutes, and some 300 MB of rows
+LONGEST_FLIGHTS = 3e4
+
+
+def bounce_conflicts(impact: ImpactSection, reach: float) -> Conflicts:
+    """Return the conflicts of gravity. `reach`: height up to which the disk feels the
+    wall [R]."""
+    g = impact.gravity
+    v = impact.velocity
+    if not g:
+        if impact.bounces == 1 and not impact.drop:
+            return []
+        text = "nothing falls back without gravity: write impact.gravity, too"
+        return [("impact.bounces", text)]
+    found = []
+    if impact.drop and v != impact.fall_speed:
+        text = (
+            f"impact.velocity = {v:g} is not the speed of this fall: write"
+            f" {ImpactSection.velocity:g}, its default, or drop=0"
+        )
+        found.append(("impact.drop", text))
+    if impact.gap != "auto":
+        text = "heights under gravity begin where the wall is hardly felt: write auto"
+        found.append(("impact.gap", text))
+    if impact.rise < reach:
+        text = (
+            f"the disk would lie on the wall, which it feels up to {reach:.2g} R: write"
+            f" at most {0.49 * v**2 / reach:.2g}, or a higher velocity"
+        )
+        found.append(("impact.gravity", text))
+    duration = 2.0 * impact.bounces * v / g
+    if duration > LONGEST_FLIGHTS:
+        text = (
+            f"the flights would last {duration:.2g} R/c, of the paper's disk some"
+            f" {duration / 17e3:.1f} million steps: write a larger one, or fewer"
+            " bounces"
+        )
+        found.append(("impact.gravity", text))
+    return found
