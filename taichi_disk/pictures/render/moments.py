@@ -230,8 +230,7 @@ def ringing(run: Run) -> float:
     """Return how many times stronger the vibration after an impact must be shown to be
     seen; 1 if it is strong enough, if dashpots have taken it, or if an elastic wall
     rings, too."""
-    scenario = run.scenario
-    if not scenario.is_thrown or len(scenario.lattice.wall_surface):
+    if not run.scenario.is_thrown or len(run.scenario.lattice.wall_surface):
         return 1.0
     columns = run.series
     elastic = columns["elastic"]

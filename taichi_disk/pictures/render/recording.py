@@ -173,12 +173,14 @@ class Recording:
         self, states: Sequence[State], quantities: Sequence[str]
     ) -> dict[str, float]:
         scenario = self.run.scenario
-        springs = scenario.model.springs
         n = scenario.lattice.disk_points
         triangles = Triangles(scenario.lattice)
         limits = {}
         for name in quantities:
-            values = [at_points(name, triangles, springs, x, v) for _, x, v in states]
+            values = [
+                at_points(name, triangles, scenario.model.springs, x, v)
+                for _, x, v in states
+            ]
             limits[name] = max(full_scale(one[:n], name) for one in values)
         return limits
 
@@ -186,9 +188,8 @@ class Recording:
         """Return drawn positions of the disk (n, 2) [R] in the states that reach
         farthest."""
         lattice = self.run.scenario.lattice
-        n = lattice.disk_points
         return [
-            placed(lattice, x, magnify, self.edge, ringing)[:n]
+            placed(lattice, x, magnify, self.edge, ringing)[: lattice.disk_points]
             for x, ringing in self._outer
         ]
 
