@@ -466,7 +466,7 @@ class ImpactScenario(Scenario):
     def words(self) -> Words:
         motion = "velocity of the centre  [v]"
         if self.scene.is_oblique:
-            motion = "normal velocity  [initial]"
+            motion = "normal velocity over initial"
         return Words(
             title=self._title(),
             symbol="e",

@@ -21,7 +21,7 @@ from taichi_disk.pictures.render.geometry import (
     magnification,
     placed,
 )
-from taichi_disk.pictures.render.moments import Run
+from taichi_disk.pictures.render.moments import Run, film_end
 from taichi_disk.pictures.render.palette import full_scale, round_near
 
 # number of times, from the contact to the greatest compression, that determine the
@@ -59,9 +59,9 @@ class Flight:
         """
         scenario = run.scenario
         columns = run.series
-        last = float(columns["t"][-1])
+        last = film_end(run)
         if height == 0.0 or not _flies(run):
-            return cls(run, 0.0, last)
+            return cls(run, float(columns["t"][0]), last)
         edge = edge_height(scenario.model.wall, run.largest_force)
         first = columns["lowest_y"][0]
         top = max(edge + height, first)
