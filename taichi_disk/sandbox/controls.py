@@ -356,13 +356,13 @@ class Controls:
     def play(self, number: float) -> None:
         """Begin the scene `number` modulo the playlist's length; keep the drawing
         options. Raises TaichiDiskError."""
-        sandbox = self.sandbox
         number = int(number) % len(self.playlist)
         scene = self.playlist[number].load()
         # On an elastic wall displacements may not be magnified.
-        sandbox.begin(
+        self.sandbox.begin(
             replace(
-                scene, video=replace(sandbox.scene.video, magnify=scene.video.magnify)
+                scene,
+                video=replace(self.sandbox.scene.video, magnify=scene.video.magnify),
             )
         )
         self.number = number

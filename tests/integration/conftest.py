@@ -67,5 +67,7 @@ def served(tmp_path: Path) -> Iterator[Served]:
 @pytest.fixture
 def without_plots(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave plot.png empty: to draw it takes longer than most runs of the tests."""
+    import matplotlib  # noqa: F401 (then this process draws, which is patched)
+
     draw = "taichi_disk.runs.api.work.plot_run"
     monkeypatch.setattr(draw, lambda path, *_: path.touch())

@@ -64,19 +64,6 @@ def test_a_custom_lattice_is_thrown():
     assert 0.3 < e < 1.0
 
 
-def test_a_mesh_of_gmsh_is_thrown():
-    shown = output_of("mesh")
-    assert "1 of 721 points belong to no triangle" in shown
-    assert "the first is point 0 at (0, 0)" in shown
-    points, springs, e = numbers(r"(\d+) points, (\d+) springs\ne = ([\d.]+)", shown)
-    rows = 8
-    sectors = 80
-    assert points == (rows + 1) * sectors
-    # Euler's formula for a ring: as many sides as points and triangles together
-    assert springs == points + 2 * rows * sectors
-    assert 0.3 < e < 1.0
-
-
 def test_a_thin_ring_sinks_as_its_closed_form_says():
     found = re.findall(
         r"hole ([\d.]+) R: xi/P = (\S+) .*thin ring (\S+)", output_of("ring")

@@ -3,17 +3,23 @@
 import json
 import random
 import shutil
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from programs import packed, python
 
 from taichi_disk import load_scene
+from taichi_disk.experiments.computation.scenario import OwnStart
+from taichi_disk.mechanics.fields import QUANTITIES, Triangles, at_points
+from taichi_disk.pictures.web import throws
 from taichi_disk.pictures.web.drawing import FILM, bundle
 from taichi_disk.runs import api
 
 pytestmark = pytest.mark.skipif(
     not shutil.which("node"), reason="not installed: node (apt-get install nodejs)"
 )
+SMALL = ["lattice.points=100", "impact.velocity=0.05"]
 # what a page does with a film that it throws, without its document
 PREPARE = """
 import { readFileSync } from "node:fs";
@@ -81,7 +87,7 @@ def flight_of(draw, slowest):
 def compare(tmp_path, disks):
     """Throw disks in a page and by `run`: (keys of the film, keys of the throw)."""
     films = []
-    throws = []
+    numbers = []
     expected = []
     step = ["time.integrator=velocity_verlet", "video.seconds=1", "video.fps=5"]
     for of_film, of_throw in disks:
@@ -89,11 +95,11 @@ def compare(tmp_path, disks):
         film = api.run(scene, lattices=1).film(tmp_path / "film.html")
         films.append(packed(film)[0])
         run = api.run(scene.with_(of_throw), lattices=1)
-        throws.append(list(of_throw.values()))
+        numbers.append(list(of_throw.values()))
         expected.append([run.summary[name] for name in ("restitution", "steps")])
-    found = in_node(tmp_path, FLY, films, throws)
-    for one, other, numbers in zip(found, expected, throws, strict=True):
-        assert one == pytest.approx(other, abs=1e-10), numbers
+    found = in_node(tmp_path, FLY, films, numbers)
+    for one, other, throw in zip(found, expected, numbers, strict=True):
+        assert one == pytest.approx(other, abs=1e-10), throw
 
 
 def test_a_rough_disk_that_spins_ends_its_throw_at_the_row_of_run(tmp_path):
@@ -119,3 +125,147 @@ def test_forty_random_throws_have_the_e_and_the_steps_of_run(seed, tmp_path):
         of_film = numbers_of(draw) | flight_of(draw, slowest=0.01)
         disks.append((of_film, flight_of(draw, slowest=0.001)))
     compare(tmp_path, disks)
+
+
+COLOUR = """
+const [{ x, v }] = throws;
+const { colours } = diskOfFilm(films[0]);
+const { quantities } = films[0].runs[0].scene;
+console.log(JSON.stringify(Object.fromEntries(quantities.map(({ name }) =>
+  [name, Array.from(colours.of(name, Float64Array.from(x), Float64Array.from(v)))]))));
+"""
+
+
+def test_a_page_knows_every_colour(tmp_path):
+    scene = load_scene("exponential_wall", [*SMALL, "video.seconds=1", "video.fps=5"])
+    result = api.run(scene, lattices=1)
+    film = packed(result.film(tmp_path / "film.html"))[0]
+    _, x, v = result.state(result.contact.greatest)
+    state = {"x": x.ravel().tolist(), "v": v.ravel().tolist()}
+    found = in_node(tmp_path, COLOUR, [film], [state])
+    assert found.keys() == QUANTITIES.keys()
+    springs = result.scenario.model.springs
+    for name, colours in found.items():
+        values = at_points(name, Triangles(result.lattice), springs, x, v)
+        assert colours == pytest.approx(values, rel=1e-9, abs=1e-15), name
+
+
+# Each has one reason for which pages cannot throw it.
+NOT_THROWN = [
+    ["exponential_wall", "impact.angle=0.2"],
+    ["exponential_wall", "impact.spin=0.1"],
+    ["exponential_wall", "wall.friction=0.3"],
+    ["exponential_wall", "impact.gap=0.2"],
+    ["exponential_wall", "time.dt=0.001"],
+    ["exponential_wall", "time.tolerance=1e-3"],
+    ["exponential_wall", "material.dashpot=axial"],
+    ["exponential_wall", "lattice.core_radius=0.5", "lattice.core_stiffness=2"],
+    ["absorbing_wall", "wall.points=160"],
+]
+
+
+def is_thrown(scenario):
+    return throws.throwable(SimpleNamespace(run=SimpleNamespace(scenario=scenario)))
+
+
+@pytest.mark.parametrize("scene", NOT_THROWN, ids=" ".join)
+def test_what_a_page_cannot_step_is_not_thrown(scene):
+    name, *settings = scene
+    assert not is_thrown(load_scene(name, [*SMALL, *settings]).scenario())
+
+
+def test_a_disk_or_a_start_of_ones_own_is_not_thrown(tmp_path):
+    scene = load_scene("exponential_wall", SMALL)
+    plain = scene.scenario()
+    assert is_thrown(plain)
+    x = plain.lattice.positions
+    np.savez(tmp_path / "body.npz", positions=x, bonds=plain.lattice.bonds)
+    file = f"lattice.file={tmp_path / 'body.npz'}"
+    assert not is_thrown(load_scene("exponential_wall", [file]).scenario())
+    own = OwnStart(None, np.full_like(x, -0.05) * [0.0, 1.0])
+    assert not is_thrown(scene.scenario(own=own))
+
+
+def test_a_page_says_that_a_disk_is_too_large_with_its_own_scene(
+    tmp_path, monkeypatch, notices
+):
+    scene = load_scene("exponential_wall", [*SMALL, "wall.a=200", "video.seconds=1"])
+    result = api.run(scene.with_({"video.goal": 0.9}), lattices=1)
+    notices.clear()
+    for limit in ("_MOST_POINTS", "_MOST_WORK"):
+        assert packed(result.film(tmp_path / "film.html"))[0]["again"]
+        assert not notices.messages
+        with monkeypatch.context() as patch:
+            patch.setattr(throws, limit, 99)
+            path = result.film(tmp_path / "film.html")
+        assert packed(path)[0]["again"] is None
+        text = path.read_text().split("too large for a page: ")[1].split("</p>")[0]
+        assert text.startswith("taichi-disk run exponential_wall --set lattice.points")
+        assert load_scene("exponential_wall", text.split(" --set ")[1:]) == result.scene
+        assert "no task" in notices.messages[0]
+        notices.clear()
+
+
+@pytest.mark.parametrize("part", ["start", "end", "compare"])
+def test_a_part_of_a_film_and_a_comparison_are_not_thrown(part, tmp_path):
+    scene = load_scene("exponential_wall", [*SMALL, "video.seconds=1", "video.fps=5"])
+    result = api.run(scene, lattices=1)
+    options = {"start": "contact", "end": "greatest", "compare": [result]}
+    path = result.film(tmp_path / "film.html", **{part: options[part]})
+    assert packed(path)[0]["again"] is None
+
+
+# What a film chooses by a rule, and a page for its own throws, too; `digest` holds all.
+FOLLOW = """
+const film = films[0];
+const flown = (rules) => {
+  const disk = diskOfFilm({ ...film, again: { ...film.again, rules } });
+  const steps = throwing(disk, ...throws);
+  let next;
+  do next = steps.next();
+  while (!next.done);
+  const one = new Again(disk, film, next.value, 0);
+  const { magnify, fullForce, ringing, captions, strengths, end } = one;
+  const curves = one.curves.map(({ name }) => name);
+  const scale = [magnify, fullForce, one.limit("shear")];
+  return JSON.stringify([scale, ringing, captions, strengths, end, curves]);
+};
+const { rules } = film.again;
+const usual = flown(rules);
+const changes = CHANGES;
+const names = Object.keys(rules).filter((name) =>
+  !changes[name]?.some((value) => flown({ ...rules, [name]: value }) !== usual));
+console.log(JSON.stringify(names));
+"""
+# values of each rule of which one changes what is shown
+CHANGES = {
+    "fullColour": [0.5],
+    "roundNumbers": [[1, 10]],
+    "scaleStates": [1.5],  # one state
+    "longestForce": [0.01],
+    "flattening": [1.0],
+    "mostMagnified": [1.5],
+    "ringing": [10.0],
+    "mostRinging": [1.5],
+    "faint": [0],
+    "damped": [-1],
+    "ease": [0.01],
+    "visibleEnergy": [10.0],
+    "besideContact": [0.0],
+    "slowPace": [100.0],
+    "muchSlower": [1.0, 1e9],
+}
+
+
+def test_a_page_follows_every_rule_of_films(tmp_path):
+    scene = load_scene("exponential_wall", [*SMALL, "material.eta_star=0"])
+    film = packed(api.run(scene, lattices=1).film(tmp_path / "film.html", fps=10))[0]
+    code = FOLLOW.replace("CHANGES", json.dumps(CHANGES))
+    assert in_node(tmp_path, code, [film], [0.02, 0.0]) == []
+
+
+def test_a_rule_that_python_changes_reaches_the_page(tmp_path, monkeypatch):
+    monkeypatch.setitem(throws._RULES, "mostMagnified", 1.5)
+    scene = load_scene("exponential_wall", [*SMALL, "video.seconds=1"])
+    film = packed(api.run(scene, lattices=1).film(tmp_path / "film.html"))[0]
+    assert film["again"]["rules"]["mostMagnified"] == 1.5

@@ -296,7 +296,7 @@ function record() {
     system.onchange();
   });
   step("copied, with and without a clipboard", () => {
-    let clipboard = { writeText: (text) => note(`  clipboard ${text}`) };
+    let clipboard = { writeText: async (text) => note(`  clipboard ${text}`) };
     Object.defineProperty(navigator, "clipboard", { get: () => clipboard });
     document.execCommand = (name) => note(`  ${name} ${document.activeElement.value}`);
     for (const one of [clipboard, undefined]) {

@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
-
 from taichi_disk.base.progress import Progress, silent
 from taichi_disk.experiments.computation.words import Words
 from taichi_disk.mechanics.lattice import Array, Lattice, OwnStart
@@ -150,11 +148,6 @@ class Scenario(ABC):
     @abstractmethod
     def words(self) -> Words:
         """The names of its quantities for films, plots, tables and messages."""
-
-    def frame_times(self, columns: Columns, frames: int) -> Array:
-        """Return the times of a film's pictures (frames,) [R/c], which are densest at
-        the important moments."""
-        return np.linspace(0.0, columns["t"][-1], frames)
 
     @abstractmethod
     def motion(self, columns: Columns) -> Array:

@@ -472,7 +472,7 @@ class ImpactScenario(Scenario):
         motion = "velocity of the centre  [v]"
         mark = "e = {restitution:.3f}"
         if self.scene.is_oblique:
-            motion = "normal velocity  [initial]"
+            motion = "normal velocity over initial"
         if self.falls_back:
             motion = "height  [R]"
             mark = "after the last bounce"

@@ -22,6 +22,8 @@ Run = Outcome
 
 BEFORE = "before t = 0"
 AFTER = "after t = {:.1f} R/c"
+# the remarks on motion that is not shown, see `plot.AT_REST`
+NEARLY_AT_REST = ("less than 1 %", "of the speed is left", "speed < 1 %")
 MOMENTS = {"greatest": "greatest compression", "contact": "first contact", "end": ""}
 # fractions of a film: still pictures at the start, at the greatest compression and at
 # the end
@@ -33,9 +35,8 @@ BESIDE_CONTACT = (
 )
 _AROUND_CONTACT = 0.06  # shown in slow motion, too; over the duration of the contact
 _FLIGHT = 0.12  # film time of a flight over that of the contact
-# If a ringing is shown, the film moves on instead of standing still at the end.
-_RINGING_FLIGHT = 0.28
-_RINGING_END = 0.05
+_FLYING_END = 0.05  # the end of an impact, whose result is shown since the contact
+_RINGING_FLIGHT = 0.28  # a second flight in which a ringing is shown
 # time in which the pace of several bounces doubles, over the duration of a contact
 _RAMP = 0.15
 LOWERED = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
@@ -119,12 +120,19 @@ def time_of(moment: Any, run: Run) -> float:
 
 def curve_span(run: Run) -> tuple[float, float]:
     """Return the first and last time of the curves beside a film [R/c]."""
-    t = run.series["t"]
+    last = film_end(run)
     if not run.scenario.is_thrown or run.scenario.falls_back:
-        return float(t[0]), last_motion(run.series)
+        return float(run.series["t"][0]), last
     contact = run.contact
     beside = BESIDE_CONTACT * (contact.end - contact.start)
-    return contact.start - beside, min(contact.end + beside, float(t[-1]))
+    return contact.start - beside, min(contact.end + beside, last)
+
+
+def film_end(run: Run) -> float:
+    """Return the end of a film without a flight [R/c]."""
+    if run.scenario.is_thrown:
+        return float(run.series["t"][-1])
+    return last_motion(run.series)
 
 
 def film_times(
@@ -136,7 +144,7 @@ def film_times(
     if longest.scenario.falls_back:
         return _times_of_bounces(longest)
     if not longest.scenario.is_thrown:
-        return longest.scenario.frame_times(longest.series, _PACE_TIMES)
+        return np.linspace(*whole, _PACE_TIMES)
     first = min(run.contact.start for run in runs)
     second = max(run.contact.end for run in runs)
     beside = _AROUND_CONTACT * (second - first)
@@ -178,10 +186,8 @@ def cues(
     `whole`: first and last time of the whole film [R/c]; `rings`: whether a ringing is
     shown stronger. Raises InputError for an empty span.
     """
-    last_part = _END
     second_flight = _FLIGHT
     if rings:
-        last_part = _RINGING_END
         second_flight = _RINGING_FLIGHT
     longest = max(runs, key=lambda run: float(run.series["t"][-1]))
     first, last = whole
@@ -194,10 +200,16 @@ def cues(
             f"a film must end after it begins; this one goes from {first:.6g} to"
             f" {last:.6g} R/c"
         )
+    whole = whole[0], max(whole[1], last)
+    last_part = _END
+    if longest.scenario.is_thrown:
+        last_part = _FLYING_END
     peak = longest.contact.greatest
     start = round(_START * frames) if first == whole[0] else 0
     pause = round(_PAUSE * frames) if first <= peak <= last else 0
-    end = max(round(last_part * frames), 1) if last >= longest.series["t"][-1] else 0
+    end = 0
+    if last >= film_end(longest):
+        end = max(round(last_part * frames), 1)
     moving = frames - start - pause - end
     # A part of a film keeps the pace of the whole.
     every = film_times(whole, runs, longest, second_flight)
@@ -235,10 +247,9 @@ def ringing(run: Run) -> float:
     """Return how many times stronger the vibration after an impact must be shown to be
     seen; 1 if it is strong enough, if dashpots have taken it, or if an elastic wall
     rings, too."""
-    scenario = run.scenario
-    if not scenario.is_thrown or len(scenario.lattice.wall_surface):
+    if not run.scenario.is_thrown or len(run.scenario.lattice.wall_surface):
         return 1.0
-    if scenario.falls_back:
+    if run.scenario.falls_back:
         return 1.0
     columns = run.series
     elastic = columns["elastic"]
@@ -260,15 +271,15 @@ def captions(
     columns = run.series
     scenario: Any = run.scenario
     peak = run.contact.greatest
+    _, curves_end = curve_span(run)
     results = [scenario.words.marks[0].format(**scenario.result(columns))]
-    ends = [columns["t"][-1]]
+    ends = [curves_end]
     if scenario.is_thrown:
         ends = [one.end for one in contacts_of(columns)]
     if scenario.falls_back:
         results = []
         for number, e in enumerate(scenario.restitutions(columns), 1):
             results.append(f"e{number} = ".translate(LOWERED) + f"{e:.3f}")
-    _, curves_end = curve_span(run)
     times = [shot.t for shot in shots]
     rows = {name: np.interp(times, columns["t"], columns[name]) for name in columns}
     found = []
@@ -287,6 +298,8 @@ def captions(
             known = bisect_right(ends, shot.t)
             shown_result = results[:known][-1]
             after += 1
+            if film_end(run) < columns["t"][-1]:
+                remarks = NEARLY_AT_REST
             if len(lines) == 1 and not scenario.falls_back:
                 lines = []  # the result is the same number with more digits
             if stronger > 1.0:

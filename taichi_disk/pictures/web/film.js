@@ -51,9 +51,7 @@ class Recording {
     const array = (name, Kind) => new Kind(data, ...run.arrays[name]);
     const { points } = run.scene;
     this.run = run;
-    for (const name of ["forces", "centres", "velocities"]) {
-      this[name] = array(name, Float32Array);
-    }
+    for (const name of ["forces", "centres", "velocities"]) this[name] = array(name, Float32Array);
     this.displacements = summed(joined(array("displacements", Uint8Array)), 2 * points);
     this.codes = {};
     for (const name of Object.keys(run.limits)) {
@@ -72,9 +70,7 @@ class Recording {
     const part = place - k;
     const mixed = (array, width, i) =>
       (1 - part) * array[k * width + i] + part * array[next * width + i];
-    for (let i = 0; i < x.length; i++) {
-      x[i] = rest[i] + run.unit * mixed(displacements, x.length, i);
-    }
+    for (let i = 0; i < x.length; i++) x[i] = rest[i] + run.unit * mixed(displacements, x.length, i);
     this.colour(mixed, quantity);
     const now = [0, 1].map((i) => mixed(this.centres, 2, i));
     const past = (_, n) => this.centres.subarray(2 * n, 2 * n + 2);
@@ -96,9 +92,7 @@ class Recording {
     const { points } = this.run.scene;
     const { unit, zero } = this.run.limits[quantity];
     const codes = this.codes[quantity];
-    for (let i = 0; i < points; i++) {
-      this.values[i] = unit * (mixed(codes, points, i) - zero);
-    }
+    for (let i = 0; i < points; i++) this.values[i] = unit * (mixed(codes, points, i) - zero);
   }
 }
 
@@ -380,6 +374,7 @@ async function play() {
   }
 
   function setPlaying(yes) {
+    if (yes && place === last) place = 0;
     isPlaying = yes;
     ui.play.textContent = yes ? "Pause" : "Play";
   }
@@ -423,10 +418,7 @@ async function play() {
     show();
   };
   ui.moment.oninput = () => goTo(Number(ui.moment.value));
-  ui.play.onclick = () => {
-    if (place === last) place = 0;
-    setPlaying(!isPlaying);
-  };
+  ui.play.onclick = () => setPlaying(!isPlaying);
   const seen = new IntersectionObserver(([entry]) => (isVisible = entry.isIntersecting));
   seen.observe(document.body); // in a frame
   const resized = new ResizeObserver(arrange);
@@ -434,17 +426,12 @@ async function play() {
   setPlaying(!matchMedia("(prefers-reduced-motion: reduce)").matches);
   if (head.again) throws = new Throws(ui, head, panes[0].drawing.scene, takeThrow);
   else take(runs.map((run) => new Recording(run, data, head)));
-  if (head.elsewhere) {
-    ui.throws.replaceChildren(head.elsewhere);
-    ui.throws.hidden = false;
-  }
   change();
   arrange();
   requestAnimationFrame(function next(now) {
     if (isPlaying && isVisible && curves) {
       place += Math.min((now - before) / 1000, 0.1) * fps * settings.speed;
-      // A throw stops at its end.
-      if (place > last && throws) goTo(last);
+      if (place > last && throws) goTo(last); // where a throw stops
       if (place > last) place = 0;
       show();
     }
@@ -453,6 +440,4 @@ async function play() {
   });
 }
 
-play().catch((error) => {
-  document.getElementById("silent")?.append(` (${error.message})`);
-});
+play().catch((error) => document.getElementById("silent")?.append(` (${error.message})`));

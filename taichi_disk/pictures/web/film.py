@@ -44,7 +44,7 @@ from taichi_disk.pictures.web.drawing import (
     scene_message,
     source,
 )
-from taichi_disk.pictures.web.throws import command, throwable, thrown_disk
+from taichi_disk.pictures.web.throws import throwable, thrown_disk, too_large
 
 _LEVELS = 32_000  # levels of a displacement on either side of zero
 # codes of a colour for zero and for the largest value
@@ -82,14 +82,14 @@ def write_page(
     if len(runs) == 1 and span == WHOLE and throwable(flights[0]):
         again = thrown_disk(flights[0], video)
         if not again:
-            line = command(runs[0].scenario.scene)
-            elsewhere = f"This disk is too large to be thrown here. Its throw: {line}"
+            elsewhere = too_large(runs[0].scenario.scene)
     if video.goal != "none" and not again:
         NOTICES.warning("video.goal: no task, because this page throws no disk")
-    packed = _packed(states, words, video, names, rate, again, elsewhere, progress)
+    packed = _packed(states, words, video, names, rate, again, progress)
     text = Template(source("film.html")).substitute(
         title=escape(" | ".join(title[0] for title in names)),
         origin=escape(film_origin(runs, video)),
+        elsewhere=escape(elsewhere),
         states=b64encode(packed).decode(),
         style=source("style.css") + source("film.css"),
         script=bundle(*FILM),
@@ -105,13 +105,11 @@ def _packed(
     names: Sequence[tuple[str, ...]],
     rate: float,
     again: dict[str, Any] | None,
-    elsewhere: str,
     progress: Progress,
 ) -> bytes:
     """Return the compressed head, in JSON, and the arrays of all runs.
 
-    `again`: the disk that the page throws itself, instead of recorded states;
-    `elsewhere`: how to throw a disk that is too large for that.
+    `again`: the disk that the page throws itself, instead of recorded states.
     """
     common = Scales.of(states, video.magnify)
     video = replace(video, magnify=common.magnify)
@@ -154,7 +152,6 @@ def _packed(
         "curves": _curves(states),
         "runs": runs,
         "again": again,
-        "elsewhere": elsewhere,
     }
     text = json.dumps(head).encode()
     text += b" " * _padding(text)
@@ -228,7 +225,6 @@ def _recorded(
     """
     scenario = states.run.scenario
     lattice = scenario.lattice
-    springs = scenario.model.springs
     triangles = Triangles(lattice)
     moved = []
     forces = []
@@ -242,7 +238,7 @@ def _recorded(
         centres.append(lattice.mean(x))
         velocities.append(lattice.mean(v))
         for name, each in values.items():
-            each.append(colour_values(name, triangles, springs, x, v))
+            each.append(colour_values(name, triangles, scenario.model.springs, x, v))
     unit = max(float(np.abs(moved).max()), 1e-9) / _LEVELS
     levels = np.rint(np.array(moved) / unit).astype("<i2")
     steps = _differences(levels).view(np.uint8)

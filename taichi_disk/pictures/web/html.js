@@ -39,19 +39,14 @@ export const store = openStore();
 // Copy a text, and `tell` that it is `done`. A page that came by plain http and some frames have no
 // clipboard, but can copy a selection; where that is forbidden, too, the selected text is shown.
 export async function copy(text, tell, done) {
-  try {
-    await navigator.clipboard.writeText(text);
-  } catch {
-    const field = element("textarea", { value: text, readOnly: true, className: "copied" });
-    document.querySelector("dialog[open], main").append(field);
-    field.select();
-    if (!document.execCommand("copy")) {
-      field.onblur = () => field.remove();
-      return tell("This browser copies nothing by itself: copy the selected text.");
-    }
-    field.remove();
-  }
-  tell(done);
+  if (await navigator.clipboard?.writeText(text).then(() => true, () => false)) return tell(done);
+  const field = element("textarea", { value: text, readOnly: true, className: "copied" });
+  document.querySelector("main").append(field);
+  field.select();
+  const isCopied = document.execCommand("copy");
+  tell(isCopied ? done : "This browser copies nothing by itself: copy the selected text.");
+  if (isCopied) field.remove();
+  else field.onblur = () => field.remove();
 }
 
 export function download(content, name, type) {

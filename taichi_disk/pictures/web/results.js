@@ -209,8 +209,7 @@ export function showResults(table, results) {
   const none = "Finished experiments are listed here.";
   if (!results.length) return table.replaceChildren(element("caption", {}, none));
   const keys = Object.keys(COLUMNS).filter((key) => results.some((one) => one[key]));
-  const loads = Object.entries(LOADS).filter(([kind]) => results.some(({ result }) => result === kind));
-  const names = { ...COLUMNS, load: loads.map(([, name]) => name).join(", ") };
+  const load = [...new Set(results.map(({ result }) => LOADS[result]))].join(", ");
   const row = (cells) => element("tr", {}, ...cells);
   const colours = new Map();
   for (const set of inSets(results)) {
@@ -227,7 +226,7 @@ export function showResults(table, results) {
     remove.dataset.remove = k;
     return row([...cells, element("td", {}, remove)]);
   });
-  const head = row(keys.map((key) => element("th", { scope: "col" }, names[key])));
+  const head = row(keys.map((key) => element("th", { scope: "col" }, COLUMNS[key] || load)));
   table.replaceChildren(element("thead", {}, head), element("tbody", {}, ...rows.reverse()));
 }
 

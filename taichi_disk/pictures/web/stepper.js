@@ -12,8 +12,7 @@ const MAX_WORST = 1e-4;
 const MAX_ATTEMPTS = 8;
 const LONGEST_ROW = 0.05; // time between rows [R/c, for k_a = 1]
 const PART_TO_WAIT = 0.5; // of the time that a disk needs to leave
-const USUAL_E = 0.8; // for the estimate of a time, as is this:
-const TIME_OF_CONTACT = 8; // [R/c]
+const TIME_OF_CONTACT = 8; // [R/c], for the estimate of a time
 
 // Return the throw of a disk with the speed v [c] and the dashpots eta = etaStar/n, and its flight until
 // it is as high as `disk.top` [R]. It is repeated with a shorter step if the step was too long. After
@@ -22,8 +21,8 @@ export function* throwing(disk, v, etaStar) {
   let choice = { force: estimatedForce(disk, v), safety: disk.safety, excess: Infinity };
   for (let attempt = 1; ; attempt++) {
     const one = new Throw(disk, v, etaStar, choice);
-    const end = (one.gap / v) * (1 + 1 / USUAL_E) + TIME_OF_CONTACT;
-    yield* one.advance(() => one.end, end + Math.min(disk.top / (USUAL_E * v), end));
+    const end = 2.2 * (one.gap / v) + TIME_OF_CONTACT;
+    yield* one.advance(() => one.end, end + Math.min(disk.top / v, end));
     choice = one.shorterStep();
     if (choice && attempt < MAX_ATTEMPTS) continue;
     const { com_vy, lowest, t } = one.rows.at(-1);
@@ -149,8 +148,7 @@ class Throw {
   observe() {
     const { x, v, f, inverse, dt, disk, reach, elastic, lost: dissipated, peakForce, rows } = this;
     const now = new Float32Array(x.length);
-    let [com_x, com_y, com_vx, com_vy, wall, lowest] = [0, 0, 0, 0, 0, Infinity];
-    let [kinetic, moment] = [0, 0]; // moment: angular momentum
+    let [com_x, com_y, com_vy, kinetic, moment, wall, lowest] = [0, 0, 0, 0, 0, 0, Infinity];
     for (let i = 0; i < x.length; i += 2) {
       const mass = disk.masses[i >> 1];
       const kick = 0.5 * dt * inverse[i]; // the step's last
@@ -163,14 +161,13 @@ class Throw {
       moment += mass * (x[i] * vy - y * vx);
       com_x += mass * x[i];
       com_y += mass * y;
-      com_vx += mass * vx;
       com_vy += mass * vy;
       if (y < lowest) lowest = y;
       if (y < reach) wall += disk.V0 * Math.exp(-disk.a * y);
     }
-    const spin = (moment - com_x * com_vy + com_y * com_vx) / disk.inertia;
+    const spin = (moment - com_x * com_vy) / disk.inertia;
     const row = { t: this.steps * dt, com_y, com_vy, lowest, spin, elastic, wall, dissipated, peakForce };
-    row.translation = 0.5 * (com_vx ** 2 + com_vy ** 2);
+    row.translation = 0.5 * com_vy ** 2; // nothing moves the centre along the wall
     row.rotation = 0.5 * disk.inertia * spin ** 2;
     row.vibration = kinetic - row.translation - row.rotation;
     row.total = kinetic + elastic + wall + dissipated;

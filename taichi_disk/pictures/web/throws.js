@@ -13,11 +13,7 @@ const NUMBERS = [
   { key: "eta", name: "viscosity", symbol: "η*", unit: "", of: "material.eta_star" },
 ];
 // names of the numbers in an address, and what is between two numbers, as people write and programs change it
-const ADDRESS_NAMES = [
-  ["v", "velocity", "impact.velocity"],
-  ["eta", "eta_star", "material.eta_star", "η*", "η"],
-  ["goal", "video.goal"],
-];
+const ADDRESS_NAMES = ["v velocity impact.velocity", "eta eta_star material.eta_star η* η", "goal video.goal"];
 const BETWEEN = /&amp;|[&;]|[\s,]+(?=[^\s=&;,]+\s*=)/;
 const LONGEST = 300; // letters of an address that are read
 const USUAL_GOAL = 0.9;
@@ -37,7 +33,7 @@ function readAddress(address) {
   const parts = new URLSearchParams(`all=${text}`).get("all").split(BETWEEN);
   for (const part of parts.filter((one) => one.trim())) {
     const [name, value = ""] = part.split(/=(.*)/s).map((one) => one.trim());
-    const key = ADDRESS_NAMES.find((names) => names.includes(name.toLowerCase()))?.[0];
+    const key = ADDRESS_NAMES.find((names) => names.split(" ").includes(name.toLowerCase()))?.split(" ")[0];
     const number = key === "goal" && value === "none" ? 0 : readNumber(value);
     if (!key || key in numbers) unread.push(key ? `${name}, a second time` : name.slice(0, 40));
     else if (Number.isNaN(number)) faults.push(`${name}: ${notRead(value)}.`);
@@ -53,7 +49,7 @@ export class Throws {
   // `take` is called with each throw, which the film then shows
   constructor(ui, film, scene, take) {
     const { sliders, velocity: v, eta_star: eta, goal } = film.again;
-    Object.assign(this, { ui, film, take, disk: diskOf(film.again, scene), own: { v, eta, goal } });
+    Object.assign(this, { ui, film, take, disk: diskOf(film.again, scene), own: { v, eta, goal: Number(goal) || 0 } });
     this.tell = (text) => (ui.told.textContent = text);
     this.place = `taichi-disk throws ${ui.states.textContent.slice(-12)}`; // of this film's in the store
     this.rows = JSON.parse(store[this.place] ?? "[]");
@@ -61,14 +57,14 @@ export class Throws {
       const all = [...sliders[of], this.own[one.key]];
       return { ...one, low: Math.min(...all), high: Math.max(...all) };
     });
-    const set = (key, value) => this.tell(this.want({ ...this.wanted, [key]: value }).join(" "));
+    const set = (key, value) => this.tell(this.want({ ...this.wanted, [key]: value }));
     this.sliders = new Controls(() => ui.numbers, set, this.tell);
     ui.throws.hidden = ui.list.hidden = false;
     document.querySelector("main").classList.add("throws");
     ui.throw.onclick = () => this.throw(true);
     ui.stop.onclick = () => this.end();
     ui.link.onclick = () => this.copyLink();
-    ui.task.onclick = () => this.set(this.goal ? 0 : goal || USUAL_GOAL);
+    ui.task.onclick = () => this.set(this.goal ? 0 : this.own.goal || USUAL_GOAL);
     ui.share.onchange = () => this.set(readNumber(ui.share.value.replace("%", "")) / 100);
     ui.copy.onclick = () => copy(asText(ui.table, "\t"), this.tell, "Copied: paste it into a table.");
     ui.addresses.onchange = () => this.collect();
@@ -89,20 +85,23 @@ export class Throws {
     this.goal = this.own.goal;
     const noGoal = this.set(wanted.goal);
     this.throw();
-    this.tell([...faults, ...beyond, noGoal].join(" "));
+    this.tell([...faults, beyond, noGoal].join(" ").trim());
   }
 
-  // Take numbers, as far as the sliders go. Return sentences about those that are beyond.
+  // Return sentences about numbers beyond the sliders.
+  beyond(numbers) {
+    const outside = this.numbers.filter(({ key, low, high }) => numbers[key] < low || numbers[key] > high);
+    const end = ({ key, low, high }) => (numbers[key] > high ? high : low);
+    return outside.map((one) => `${digits(numbers[one.key])} is beyond the slider: ${end(one)}.`).join(" ");
+  }
+
+  // Take numbers, as far as the sliders go, and return `beyond`.
   want(numbers) {
-    const faults = [];
-    this.wanted = {};
-    for (const { key, low, high } of this.numbers) {
-      const value = (this.wanted[key] = Math.min(Math.max(numbers[key], low), high));
-      if (value !== numbers[key]) faults.push(`${digits(numbers[key])} is beyond the slider: ${value}.`);
-    }
+    const clipped = ({ key, low, high }) => [key, Math.min(Math.max(numbers[key], low), high)];
+    this.wanted = Object.fromEntries(this.numbers.map(clipped));
     const live = { meaning: "of the throw", live: true };
     this.sliders.show(this.numbers.map((one) => ({ ...one, ...live, value: this.wanted[one.key] })));
-    return faults;
+    return this.beyond(numbers);
   }
 
   // Set the task, or none for 0. Return, and tell, a sentence if it is no task.
@@ -200,16 +199,15 @@ export class Throws {
 
   // Throw what the pasted addresses say, one after the other. What a new throw ends stays in the field.
   async collect() {
-    const { ui, numbers } = this;
+    const { ui } = this;
     const lines = ui.addresses.value.split("\n").filter((line) => line.trim());
     ui.faults.textContent = "";
     for (const [k, line] of lines.entries()) {
-      const { numbers: said, faults } = readAddress(line);
-      const outside = numbers.find(({ key, low, high }) => !(said[key] >= low && said[key] <= high));
-      const { key, low, high } = outside ?? {};
-      if (outside && !faults.length) faults.push(`${key} must be from ${low} to ${high}.`);
-      if (faults.length) ui.faults.append(`${line.trim().slice(0, 60)}: ${faults.join(" ")}\n`);
-      else if (!(await this.thrown(said))) return;
+      const { numbers, faults } = readAddress(line);
+      const one = { ...this.own, ...numbers };
+      const problem = [...faults, this.beyond(one)].join(" ").trim();
+      if (problem) ui.faults.append(`${line.trim().slice(0, 60)}: ${problem}\n`);
+      else if (!(await this.thrown(one))) return;
       ui.addresses.value = lines.slice(k + 1).join("\n");
     }
   }

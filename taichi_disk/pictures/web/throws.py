@@ -9,7 +9,6 @@ import numpy as np
 
 from taichi_disk.experiments.computation.stability import explicit_limit
 from taichi_disk.experiments.config.sections import SLIDERS, VideoSection
-from taichi_disk.experiments.scenes.scene import yaml_scalar
 from taichi_disk.mechanics.lattice.network import laplacian, largest_eigenvalue
 from taichi_disk.pictures import plot
 from taichi_disk.pictures.curves import LOOKS, Look
@@ -57,13 +56,12 @@ def throwable(flight: Flight) -> bool:
     """Return whether a page can step the disk of a run, however long that takes."""
     scenario: Any = flight.run.scenario
     scene = scenario.scene
-    settings = scene.time
     return (
         scene.scene == "exponential_wall"
         and not scene.is_oblique
         and not scene.impact.gravity
         and scene.impact.gap == "auto"
-        and (settings.dt, settings.tolerance) == ("auto", "none")
+        and (scene.time.dt, scene.time.tolerance) == ("auto", "none")
         and scene.lattice.file == "none"
         and scene.material.dashpot == "vector"
         and scenario.lattice.stiffness is None
@@ -71,16 +69,15 @@ def throwable(flight: Flight) -> bool:
     )
 
 
-def command(scene: Any) -> str:
-    """Return the command that runs a scene, without its film."""
-    words = ["taichi-disk run", scene.scene]
-    for name, section in scene.sections().items():
-        if name == "video":
-            continue
-        for one, kind in section.schema().items():
-            value = getattr(getattr(scene, name), one)
-            if value != kind.default:
-                words.append(f"--set {name}.{one}={yaml_scalar(value)}")
+def too_large(scene: Any) -> str:
+    """Return a sentence about a disk that is too large for pages, with the command that
+    runs its scene."""
+    words = ["This disk is too large for a page: taichi-disk run", scene.scene]
+    for name, usual in scene.sections().items():
+        own = asdict(getattr(scene, name))
+        for key, value in asdict(usual).items():
+            if own[key] != value:
+                words.append(f"--set {name}.{key}={own[key]}")
     return " ".join(words)
 
 
@@ -101,9 +98,6 @@ def thrown_disk(flight: Flight, video: VideoSection) -> dict[str, Any] | None:
     if len(masses) > _MOST_POINTS or steps * len(lattice.bonds) > _MOST_WORK:
         return None
     contact = run.contact
-    goal = 0.0
-    if video.goal != "none":
-        goal = video.goal
     return (
         asdict(scene.material)
         | asdict(scene.wall)
@@ -116,7 +110,7 @@ def thrown_disk(flight: Flight, video: VideoSection) -> dict[str, Any] | None:
             "safety": settings.safety,
             "interval": settings.sample_interval,
             "magnify": video.magnify,
-            "goal": goal,
+            "goal": video.goal,
             "omega": omega,
             "damping": damping,
             "top": scenario.gap - flight.start * scenario.velocity,

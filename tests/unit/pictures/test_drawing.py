@@ -58,7 +58,7 @@ console.log(JSON.stringify([...field.image.data]));"""
 
 
 def test_triangles_cover_their_body_once_with_interpolated_values(tmp_path):
-    pixels = drawn(tmp_path, "{ mark: 0 }")
+    pixels = drawn(tmp_path, '{ mark: "triangles" }')
     middle = np.arange(SIZE) + 0.5
     x, y = np.meshgrid(middle, middle)
     distance = np.full(x.shape, np.inf)  # to the nearest side, positive inside
@@ -73,28 +73,30 @@ def test_triangles_cover_their_body_once_with_interpolated_values(tmp_path):
     colours = np.stack([value, 255.0 - value, 0.5 * value], axis=-1)
     assert np.abs(pixels[..., :3] - colours)[inside].max() < 1.1
     # fringes repeat within a triangle
-    pixels = drawn(tmp_path, "{ mark: 0 }", fringes=True)
+    pixels = drawn(tmp_path, '{ mark: "triangles" }', fringes=True)
     row = pixels[30, 10:50, 0] / 255.0
     along = np.arange(10, 50) + 0.5
     assert np.abs(row - np.sin(np.pi * along / SIZE) ** 2).max() < 0.01
 
 
 def test_springs_and_points_have_soft_sides_and_their_width(tmp_path):
-    springs = drawn(tmp_path, "{ mark: 1, radius: 1.5 }")
+    springs = drawn(tmp_path, '{ mark: "springs", radius: 1.5 }')
     for across in (springs[:, 15, 3], springs[15, :, 3]):
         assert across.sum() / 255.0 == pytest.approx(3.0, abs=0.02)
         assert across.max() == 255
-    points = drawn(tmp_path, "{ mark: 2, radius: 4 }")
+    points = drawn(tmp_path, '{ mark: "points", radius: 4 }')
     corner = points[22:38, 22:38, 3]  # around the point in the middle
     assert corner.sum() / 255.0 == pytest.approx(np.pi * 4.0**2, rel=0.02)
     assert centroid(corner) == pytest.approx([30.2 - 22.0, 29.7 - 22.0], abs=0.01)
-    small = drawn(tmp_path, "{ mark: 2, radius: 1 }")[22:38, 22:38, 3]
+    small = drawn(tmp_path, '{ mark: "points", radius: 1 }')[22:38, 22:38, 3]
     assert centroid(small) == pytest.approx([30.2 - 22.0, 29.7 - 22.0], abs=0.04)
 
 
 @pytest.mark.parametrize("end", [1, 2])  # nearer to x, nearer to y
 def test_an_oblique_spring_lies_between_its_ends(end, tmp_path):
-    opacity = drawn(tmp_path, "{ mark: 1, radius: 1.5 }", springs=(end, end + 6))
+    opacity = drawn(
+        tmp_path, '{ mark: "springs", radius: 1.5 }', springs=(end, end + 6)
+    )
     a, b = RING[[end, end + 6]]
     part = opacity[10:50, 10:50, 3]
     rows, columns = np.nonzero(part)

@@ -342,23 +342,26 @@ def test_a_run_is_copied_if_folders_cannot_be_renamed(tmp_path, monkeypatch, cod
 
 @pytest.fixture
 def foreign(tmp_path, monkeypatch):
-    """Return a folder below one in which this user can make nothing, which root could
-    make otherwise."""
-    made = Path.mkdir
+    """Return a folder below one in which this user can make and rename nothing, which
+    root could otherwise."""
 
-    def mkdir(path, *options, **more):
-        if path.parent == tmp_path and not path.exists():
-            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-        return made(path, *options, **more)
+    def denying(function):
+        def denied(*paths, **options):
+            for path in (*paths, options.get("dir", "")):
+                if Path(path) == tmp_path or Path(path).parent == tmp_path:
+                    raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+            return function(*paths, **options)
 
-    def temporary(dir):
-        if dir == tmp_path:
-            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-        return tempfile.TemporaryFile(dir=dir)
+        return denied
 
     (tmp_path / "run").mkdir()
-    monkeypatch.setattr(Path, "mkdir", mkdir)
-    monkeypatch.setattr("taichi_disk.base.files.TemporaryFile", temporary)
+    for name in ("rename", "replace"):
+        monkeypatch.setattr(os, name, denying(getattr(os, name)))
+    inside = tempfile.TemporaryFile
+    monkeypatch.setattr(
+        "taichi_disk.base.files.TemporaryFile",
+        lambda dir: denying(inside)(dir=dir) if dir == tmp_path else inside(dir=dir),
+    )
     return tmp_path / "run"
 
 
