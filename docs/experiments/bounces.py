@@ -26,7 +26,8 @@ def restitutions(rows: list[dict[str, str]], eta_star: float) -> np.ndarray:
 
 
 def main(points: str, picture: str) -> None:
-    rows = list(csv.DictReader(Path(points).open(encoding="utf-8")))
+    text = Path(points).read_text(encoding="utf-8")
+    rows = list(csv.DictReader(text.splitlines()))
     print("eta*  bounce  lattices  mean     scatter  above 1")
     with matplotlib_style(STYLE):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
