@@ -91,6 +91,5 @@ def film_small(out: Path, settings: list[str]) -> tuple[str, str]:
     from taichi_disk.runs.api import run
 
     result = run(load_scene("exponential_wall", settings), out, lattices=1)
-    summary = result.summary
-    notes = [text for text in summary.get("notes", ()) if "video.html" in text]
-    return summary.get("video_error", ""), "".join(notes)
+    notes = [text for text in result.summary.get("notes", ()) if "video.html" in text]
+    return result.summary.get("video_error", ""), "".join(notes)

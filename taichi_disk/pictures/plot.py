@@ -48,9 +48,9 @@ STYLE = {
 LINE, _ = MOTION.colours
 MARK = "0.45"
 SUM = "#222222"
-# curves end when the kinetic energy falls below this fraction of its maximum
-# (amplitude: 1e-4)
-AT_REST = 1e-8
+# Curves and films end when the kinetic energy falls below this fraction of its maximum:
+# a hundredth of the speed, which nobody sees.
+AT_REST = 1e-4
 # energies that stay below this fraction of the largest one are not drawn
 VISIBLE_ENERGY = 2e-3
 # relative heights of the panels for motion, force and energies

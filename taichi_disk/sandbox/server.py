@@ -145,8 +145,7 @@ async def run(sessions: Sessions, token: str, listening: socket.socket) -> None:
 
 
 async def _meet(sessions: Sessions, connection: server.ServerConnection) -> None:
-    request = connection.request
-    key = urlsplit(request.path).query if request else ""
+    key = urlsplit(connection.request.path).query if connection.request else ""
     page = Page(sessions.find(key), partial(server.broadcast, [connection]))
     try:
         async for text in connection:

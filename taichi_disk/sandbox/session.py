@@ -228,10 +228,14 @@ class Session:
         """The graphs are sent again if other curves are shown or the curves end; until
         then the page itself adds a point with each state."""
         time = self.sandbox.time
-        last = time.segment
-        hit_began = time.display.segment.hit_began
         is_past = time.lead < 0.0
-        return last, hit_began, last.status, self.sandbox.paused, is_past
+        return (
+            time.segment,
+            time.display.segment.hit_began,
+            time.segment.status,
+            self.sandbox.paused,
+            is_past,
+        )
 
     def _write(
         self, kind: str, key: Any, content: Callable[[], dict[str, Any]]
@@ -260,13 +264,14 @@ class Session:
         sandbox = self.sandbox
         state = sandbox.time.display
         scenario = state.segment.scenario
-        springs = scenario.model.springs
         lattice = scenario.lattice
         x = state.x
         v = state.v
         video = sandbox.scene.video
         of_springs = video.draw == "springs"
-        values = colour_values(video.colour, self._triangles, springs, x, v, of_springs)
+        values = colour_values(
+            video.colour, self._triangles, scenario.model.springs, x, v, of_springs
+        )
         forces = contact_forces(scenario, x, v)
         scales = self.scales
         scales.update(values[: lattice.disk_points], forces, video.colour)

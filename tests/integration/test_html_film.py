@@ -70,7 +70,8 @@ def test_states_survive_the_packing_to_a_thousandth_of_r(folder):
     stated = [re.fullmatch("t = (.*) R/c", lines[0]) for lines in captions]
     times = [float(one[1]) if one else -1.0 for one in stated]  # -1: not of the run
     inside = [k for k, t in enumerate(times) if 0.0 <= t <= last]  # of the run
-    for k in (inside[0], inside[len(inside) // 2], inside[-1]):
+    # in the middle the centre hardly moves
+    for k in (inside[0], inside[len(inside) // 4], inside[-1]):
         x = rest + moved[k]
         # A caption rounds the time to 0.01 R/c; the path of the centre has it exactly.
         state = result.state(times[k])
@@ -104,7 +105,7 @@ def test_curves_have_units_and_a_value_for_each_time_so_that_a_pause_is_no_plate
 ):
     film, _ = packed(folder / "film.html")
     assert film["titles"] == [
-        "normal velocity [initial]",
+        "normal velocity over initial",
         "wall force [Mc²/R]",
         "energy [Mc²]",
     ]

@@ -29,7 +29,11 @@ def test_each_scene_asks_a_question():
 IMPACTS = (
     ("A bounce", {"dashpots": "dissipated"}),
     ("No dashpots", {}),
-    ("Dashpots at the boundary", {"boundary": "absorbed"}),
+    pytest.param(
+        "Dashpots at the boundary",
+        {"boundary": "absorbed"},
+        marks=pytest.mark.validate,
+    ),
     ("Another side on it", {"boundary": "absorbed"}),
 )
 

@@ -188,7 +188,7 @@ def test_the_columns_are_described_as_they_are_declared():
     assert table in PAGE
 
 
-def test_a_picture_that_fails_takes_no_result_with_it(tmp_path, monkeypatch):
+def test_a_picture_that_fails_takes_no_result_with_it(tmp_path, monkeypatch, notices):
     def fails(*_):
         raise RuntimeError("latex could not be found")
 
@@ -203,6 +203,7 @@ def test_a_picture_that_fails_takes_no_result_with_it(tmp_path, monkeypatch):
     assert summary["status"] == "done"
     assert summary["video_error"] == "latex could not be found"
     assert summary["warnings"] == ["there is no plot.png: latex could not be found"]
+    assert {*summary["warnings"], summary["video_error"]} <= set(notices.messages)
 
 
 KILLED = """
@@ -218,7 +219,7 @@ def test_a_run_is_printed_and_in_its_folder_before_its_film_begins(
     tmp_path, monkeypatch
 ):
     out = tmp_path / "o"
-    settings = [f"--set={one}" for one in SMALL]
+    settings = [f"--set={name}={value}" for name, value in TINY.items()]
     done = python(
         *("-c", KILLED, "run", "exponential_wall", "--lattices=1", "--out", out),
         *settings,
@@ -237,7 +238,7 @@ def test_a_run_is_printed_and_in_its_folder_before_its_film_begins(
     (out / ".host-1.new.video.mp4").touch()
     monkeypatch.setattr("taichi_disk.pictures.render.film.draw_film", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        run(load_scene("exponential_wall", SMALL), out, lattices=1)
+        run(load_scene("exponential_wall").with_(TINY), out, lattices=1)
     assert set(contents(out)) - {"plot.png"} == FILES
     assert summary_in(out)["status"] == "done"
     assert os.listdir(tmp_path) == ["o"]

@@ -72,13 +72,13 @@ SCENES = [
     ("rigid", 20.0, VV),
     ("rigid", 100.0, TRAPEZOIDAL),
     ("compression", 20.0, TRAPEZOIDAL),
-    ("reset", 20.0, TRAPEZOIDAL),
     ("non-uniform compression", 20.0, TRAPEZOIDAL),
 ]
 LONG_SCENES = [
     ("matched", 20.0, VV),
     ("matched", 100.0, TRAPEZOIDAL),
     ("reset", 0.0, VV),
+    ("reset", 20.0, TRAPEZOIDAL),
     ("axial reset", 20.0, VV),
     ("non-uniform rigid", 20.0, VV),
     ("non-uniform matched", 100.0, TRAPEZOIDAL),

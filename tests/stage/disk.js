@@ -27,7 +27,7 @@ const SCENE = {
   options: { draw: "both", theme: "light", quantity: "pressure", magnify: 1 },
   quantities: [
     { name: "pressure", label: "pressure", unit: "Mc²/R²", signed: true, power: 1, map: "two", low: "pull", high: "push" },
-    { name: "strain", label: "strain (averaged)", unit: "", signed: false, power: 1, map: "one", low: "", high: "" },
+    { name: "strain", label: "strain", unit: "", signed: false, power: 1, map: "one", low: "", high: "" },
     { name: "fringes", label: "fringes", unit: "", signed: false, power: 1, map: "one", low: "", high: "" },
   ],
   maps: {

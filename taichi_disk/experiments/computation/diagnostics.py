@@ -11,7 +11,7 @@ from taichi_disk.base.errors import SimulationError
 from taichi_disk.experiments.computation.contact import Contact, apexes
 from taichi_disk.experiments.computation.scenario import Scenario
 from taichi_disk.mechanics.lattice import Array, Lattice
-from taichi_disk.mechanics.lattice.lattice import double_area
+from taichi_disk.mechanics.lattice.triangles import double_area
 from taichi_disk.mechanics.physics import ElasticWall
 from taichi_disk.mechanics.simulation.observables import (
     BY_NAME,
@@ -152,7 +152,7 @@ def faster_than_before(gained: dict[str, float]) -> str:
 
 
 def _at_rest(scenario: Scenario, columns: Columns) -> str:
-    if not scenario.is_thrown or not scenario.scene.impact.gravity:
+    if not scenario.falls_back:
         return ""
     made = len(apexes(columns))
     asked = scenario.scene.impact.bounces
@@ -280,8 +280,7 @@ def explained(scenario: Scenario, dt: float, part: float, x: Array, lost: str) -
     [R]: positions at that row.
     """
     lattice = scenario.lattice
-    model = scenario.model
-    strain = model.springs.strain(lattice, x)
+    strain = scenario.model.springs.strain(lattice, x)
     worst = int(np.abs(strain).argmax())
     i, j = lattice.bonds[worst]
     auto = ""
@@ -289,7 +288,7 @@ def explained(scenario: Scenario, dt: float, part: float, x: Array, lost: str) -
         auto = "set time.dt: auto; if that fails too, "
     if auto and part > 1.0:
         cause = "the step is beyond the stability limit: set time.dt: auto"
-    elif model.elastic:
+    elif scenario.model.elastic:
         cause = (
             "the disk may have dented the wall, gone through it or slipped off its"
             f" end: {auto}lower impact.velocity, raise material.k_a, or write a larger"

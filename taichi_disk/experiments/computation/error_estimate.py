@@ -176,13 +176,12 @@ def _errors(driver: Driver, others: list[Driver], order: int) -> dict[str, float
 def _turned(driver: Driver, angle: float) -> Driver:
     """Return the finished or failed driver of the same scene, in which the body starts
     turned by `angle`."""
-    scenario = driver.scenario
-    lattice = scenario.lattice
+    lattice = driver.scenario.lattice
     n = lattice.disk_points
     positions = lattice.positions.copy()
     arm = positions[:n] - lattice.mean(positions)
     positions[:n] += angle * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
-    start = replace(scenario, lattice=replace(lattice, positions=positions))
+    start = replace(driver.scenario, lattice=replace(lattice, positions=positions))
     other = Driver(start, driver.step, driver.kernels)
     other.advance()
     return other
@@ -234,9 +233,8 @@ def _is_irregular(driver: Driver) -> bool:
     They do with friction, if a step crosses much of the wall's decay length, if points
     slide along a wall of springs, and on a wall that is reset.
     """
-    scenario = driver.scenario
-    model = scenario.model
-    crosses_wall = driver.step.dt > IRREGULAR_FROM * scenario.wall_step
+    model = driver.scenario.model
+    crosses_wall = driver.step.dt > IRREGULAR_FROM * driver.scenario.wall_step
     if model.has_friction or model.reset_interval or crosses_wall:
         return True
     return _slides(driver)

@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
-
 from taichi_disk.base.progress import Progress, silent
 from taichi_disk.experiments.computation.words import Words
 from taichi_disk.mechanics.lattice import Array, Lattice, OwnStart
@@ -61,6 +59,11 @@ class Scenario(ABC):
     static: ClassVar[bool] = False
     # whether the disk flies at a wall, so that it can be aimed
     is_thrown: ClassVar[bool] = False
+
+    @property
+    def falls_back(self) -> bool:
+        """Whether gravity brings the disk back to the wall."""
+        return self.is_thrown and self.model.load is not None
 
     @property
     def stored_scene(self) -> Any:
@@ -145,11 +148,6 @@ class Scenario(ABC):
     @abstractmethod
     def words(self) -> Words:
         """The names of its quantities for films, plots, tables and messages."""
-
-    def frame_times(self, columns: Columns, frames: int) -> Array:
-        """Return the times of a film's pictures (frames,) [R/c], which are densest at
-        the important moments."""
-        return np.linspace(0.0, columns["t"][-1], frames)
 
     @abstractmethod
     def motion(self, columns: Columns) -> Array:

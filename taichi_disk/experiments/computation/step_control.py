@@ -103,18 +103,21 @@ class StepControl:
 
     def limit(self, integrator: Integrator) -> float:
         """Return the largest stable step [R/c] with the force that is expected."""
-        model = self.scenario.model
-        return step_limit(self.spectrum, model, integrator, self._point_force)
+        return step_limit(
+            self.spectrum, self.scenario.model, integrator, self._point_force
+        )
 
     def _choice(self) -> TimeStep:
         model = self.scenario.model
-        points = self.spectrum.points
         candidates = [one for one in INTEGRATORS.values() if one.takes(model)]
         if self._time.integrator != "auto":
             candidates = [INTEGRATORS[self._time.integrator]]
         integrator = min(
             candidates,
-            key=lambda one: (-one.order, one.cost(points) / self._longest(one)),
+            key=lambda one: (
+                -one.order,
+                one.cost(self.spectrum.points) / self._longest(one),
+            ),
         )
         dt = self._time.dt
         if dt == "auto":

@@ -235,15 +235,6 @@ class Compression(Scenario):
     def momentary_motion(self, row: Any) -> Any:
         return self.unloaded - (row["com_y"] - row["lowest_y"])
 
-    def frame_times(self, columns: Columns, frames: int) -> Array:
-        t = columns["t"]
-        kinetic = columns["kinetic"]
-        moving = np.flatnonzero(kinetic >= 1e-4 * kinetic.max())
-        end_of_motion = min(t[moving[-1]], 0.5 * t[-1])
-        # 85 % of the pictures show the motion that can be seen
-        parts = np.linspace(0.0, 1.0, frames)
-        return np.interp(parts, [0.0, 0.85, 1.0], [0.0, end_of_motion, t[-1]])
-
     @property
     def words(self) -> Words:
         return Words(
@@ -301,9 +292,6 @@ class Loading(Compression):
             "eq. (2), b = 1": paper_compression(*loads),
             "exact law, rigid wall": exact_compression(*loads),
         }
-
-    def frame_times(self, columns: Columns, frames: int) -> Array:
-        return np.linspace(columns["t"][0], 1.0, frames)
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
         return f"P = {100.0 * row['t']:.0f} % of {self.pressure:g} Mc²/R", _shown(

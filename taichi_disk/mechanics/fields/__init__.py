@@ -73,7 +73,6 @@ class Quantity:
     full: float
     low: str = ""
     high: str = ""
-    short: str = ""  # label where there is little room; "": `label`
     power: int = 1
 
 
@@ -84,9 +83,7 @@ QUANTITIES = {
     "pressure": Quantity(
         "pressure", "Mc²/R²", "triangles", True, 0.9, "stretched", "compressed"
     ),
-    "shear": Quantity(
-        "maximum shear stress", "Mc²/R²", "triangles", False, 0.66, short="shear stress"
-    ),
+    "shear": Quantity("shear stress", "Mc²/R²", "triangles", False, 0.66),
     "fringes": Quantity(
         "photoelastic fringes, order", "", "points", False, 1.2 / FRINGES
     ),
@@ -99,18 +96,9 @@ QUANTITIES = {
     "force": Quantity(
         "force of the springs", "Mc²/R", "springs", True, 0.026, "push", "pull"
     ),
-    "speed": Quantity(
-        "speed, centre-of-mass frame", "c", "points", False, 0.4, short="inner speed"
-    ),
-    "kinetic": Quantity(
-        "kinetic energy of a point, centre-of-mass frame",
-        "Mc²",
-        "points",
-        False,
-        0.4,
-        short="inner kinetic energy",
-        power=2,
-    ),
+    # in the frame of the disk's centre of mass
+    "speed": Quantity("inner speed", "c", "points", False, 0.4),
+    "kinetic": Quantity("inner kinetic energy", "Mc²", "points", False, 0.4, power=2),
 }
 
 

@@ -54,8 +54,11 @@ def read_outline(path: Path) -> list[Array]:
     drawing: Any = svgelements.SVG.parse(path)
     to_user_units = ~svgelements.Matrix(drawing.viewbox_transform)
     paths = []
-    for shape in drawing.elements(lambda one: isinstance(one, svgelements.Shape)):
-        if shape.values.get("visibility") == "hidden":
+    for shape in drawing.elements():
+        if shape.values.keys() & {"clip-path", "mask"}:
+            raise InputError("a path is clipped or masked: cut it to its shape")
+        is_path = isinstance(shape, svgelements.Shape)
+        if not is_path or shape.values.get("visibility") == "hidden":
             continue
         for part in abs(svgelements.Path(shape) * to_user_units).as_subpaths():
             sides = [side.npoint(_CURVE) for side in part][1:]
@@ -144,10 +147,11 @@ def _refuse_thin(body: Any, points: int) -> None:
     enough = points
     while enough < MAX_POINTS and _thin_place(body, enough) is not None:
         enough = math.ceil(1.2 * enough)
-    raise InputError(
-        f"at {shown_point(place)} the body, a hole or a notch is too thin: take some"
-        f" {enough:,} points, or round it off"
-    )
+    remedy = "round it off"
+    if enough < MAX_POINTS:
+        remedy += f", or take some {enough:,} points"
+    spot = shown_point(place)
+    raise InputError(f"at {spot} the body, a hole or a notch is too thin: {remedy}")
 
 
 def _thin_place(body: Any, points: int) -> Array | None:

@@ -147,7 +147,6 @@ class Program:
     def _begin(self, simulation: Simulation) -> Written:
         """Write the state at t = 0."""
         lattice = simulation.lattice
-        model = simulation.model
         arrangement = simulation.arrangement
         dt = simulation.dt
         v = simulation.start_velocities
@@ -156,13 +155,13 @@ class Program:
             (state.h, dt),
             (state.closing, self.integrator.kicks[-1] * dt),
             (state.observed, self.integrator.observed_kick * dt),
-            (state.contact, _contact_force(lattice, model, v)),
+            (state.contact, _contact_force(lattice, simulation.model, v)),
             (state.n, len(lattice.positions)),
             (state.n_disk, lattice.disk_points),
             (state.triangles, len(lattice.triangles)),
             (state.blocks, len(arrangement.ends) // BLOCK),
             (state.subdomain_points, arrangement.subdomain_points),
-            (state.reset_steps, max(1, round(model.reset_interval / dt))),
+            (state.reset_steps, max(1, round(simulation.model.reset_interval / dt))),
         ]
         contents = state.contents(lattice, arrangement, self._vectors(simulation))
         for law in self.model.laws:
@@ -185,7 +184,6 @@ class Program:
     def _vectors(self, simulation: Simulation) -> list[Array]:
         """Return the vectors (n, 2) of the state at t = 0, as `Snapshot` lists them."""
         lattice = simulation.lattice
-        model = simulation.model
         v = simulation.start_velocities
         dt = simulation.dt
         x = lattice.positions
@@ -194,7 +192,7 @@ class Program:
             return [x, v, zero, v][: len(self.state.vectors)]
 
         def acceleration(t: float) -> Array:
-            forces = model.forces_moving(lattice, x + t * v, zero)
+            forces = simulation.model.forces_moving(lattice, x + t * v, zero)
             return forces / lattice.masses[:, None]
 
         c = self.integrator.correction * dt**2

@@ -26,6 +26,7 @@ from taichi_disk.pictures.render.moments import (
     Span,
     captions,
     cues,
+    film_end,
     ringing,
     time_of,
     titles,
@@ -167,7 +168,7 @@ def storyboard(
     else:
         # No disk flies higher than in a film of its own, unless another run goes on.
         start = max(one.start for one in flights)
-        last_run = max(float(run.series["t"][-1]) for run in runs)
+        last_run = max(map(film_end, runs))
         end = max(min(one.end for one in flights), last_run)
         shots = cues(runs, (start, end), frames, rate, span, max(strengths) > 1.0)
     words = [

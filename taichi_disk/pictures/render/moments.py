@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.base.errors import InputError
+from taichi_disk.experiments.computation.contact import contacts_of
 from taichi_disk.experiments.computation.outcome import Outcome
 from taichi_disk.mechanics.lattice import Array
 from taichi_disk.pictures.plot import last_motion
@@ -20,6 +22,8 @@ Run = Outcome
 
 BEFORE = "before t = 0"
 AFTER = "after t = {:.1f} R/c"
+# the remarks on motion that is not shown, see `plot.AT_REST`
+NEARLY_AT_REST = ("less than 1 %", "of the speed is left", "speed < 1 %")
 MOMENTS = {"greatest": "greatest compression", "contact": "first contact", "end": ""}
 # fractions of a film: still pictures at the start, at the greatest compression and at
 # the end
@@ -31,9 +35,11 @@ BESIDE_CONTACT = (
 )
 _AROUND_CONTACT = 0.06  # shown in slow motion, too; over the duration of the contact
 _FLIGHT = 0.12  # film time of a flight over that of the contact
-# If a ringing is shown, the film moves on instead of standing still at the end.
-_RINGING_FLIGHT = 0.28
-_RINGING_END = 0.05
+_FLYING_END = 0.05  # the end of an impact, whose result is shown since the contact
+_RINGING_FLIGHT = 0.28  # a second flight in which a ringing is shown
+# time in which the pace of several bounces doubles, over the duration of a contact
+_RAMP = 0.15
+LOWERED = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 _CHANGE = 0.2  # fraction of a flight in which the pace changes
 # samples of the pace of a whole film; a film of a part of the run keeps this pace
 _PACE_TIMES = 1000
@@ -114,12 +120,19 @@ def time_of(moment: Any, run: Run) -> float:
 
 def curve_span(run: Run) -> tuple[float, float]:
     """Return the first and last time of the curves beside a film [R/c]."""
-    t = run.series["t"]
-    if not run.scenario.is_thrown:
-        return float(t[0]), last_motion(run.series)
+    last = film_end(run)
+    if not run.scenario.is_thrown or run.scenario.falls_back:
+        return float(run.series["t"][0]), last
     contact = run.contact
     beside = BESIDE_CONTACT * (contact.end - contact.start)
-    return contact.start - beside, min(contact.end + beside, float(t[-1]))
+    return contact.start - beside, min(contact.end + beside, last)
+
+
+def film_end(run: Run) -> float:
+    """Return the end of a film without a flight [R/c]."""
+    if run.scenario.is_thrown:
+        return float(run.series["t"][-1])
+    return last_motion(run.series)
 
 
 def film_times(
@@ -128,9 +141,10 @@ def film_times(
     """Return the times (_PACE_TIMES,) [R/c] of a film over the times `whole`, at a pace
     that changes smoothly from the flights to the slow motion of the contact.
     `second_flight`: its film time over that of the contact."""
-    scenario = longest.scenario
-    if not scenario.is_thrown or scenario.scene.impact.bounces > 1:
-        return longest.scenario.frame_times(longest.series, _PACE_TIMES)
+    if longest.scenario.falls_back:
+        return _times_of_bounces(longest)
+    if not longest.scenario.is_thrown:
+        return np.linspace(*whole, _PACE_TIMES)
     first = min(run.contact.start for run in runs)
     second = max(run.contact.end for run in runs)
     beside = _AROUND_CONTACT * (second - first)
@@ -144,6 +158,17 @@ def film_times(
     film_time = np.where(t < first, _FLIGHT, second_flight) * (second - first)
     fastest = np.maximum((1.0 + _CHANGE) * flight / film_time, 1.0)
     number = np.cumsum(1.0 / np.sqrt(1.0 + part * (fastest**2 - 1.0)))
+    return np.interp(np.linspace(number[0], number[-1], _PACE_TIMES), number, t)
+
+
+def _times_of_bounces(run: Run) -> Array:
+    """Return the times (_PACE_TIMES,) [R/c] of a film of several bounces, whose pace
+    grows with the time to the nearest contact."""
+    t = np.linspace(0.0, run.series["t"][-1], 20 * _PACE_TIMES)
+    contacts = contacts_of(run.series)
+    away = [np.abs(t - np.clip(t, one.start, one.end)) for one in contacts]
+    quicker = np.min(away, axis=0) / (_RAMP * (run.contact.end - run.contact.start))
+    number = np.cumsum(1.0 / (1.0 + quicker))
     return np.interp(np.linspace(number[0], number[-1], _PACE_TIMES), number, t)
 
 
@@ -161,10 +186,8 @@ def cues(
     `whole`: first and last time of the whole film [R/c]; `rings`: whether a ringing is
     shown stronger. Raises InputError for an empty span.
     """
-    last_part = _END
     second_flight = _FLIGHT
     if rings:
-        last_part = _RINGING_END
         second_flight = _RINGING_FLIGHT
     longest = max(runs, key=lambda run: float(run.series["t"][-1]))
     first, last = whole
@@ -177,10 +200,16 @@ def cues(
             f"a film must end after it begins; this one goes from {first:.6g} to"
             f" {last:.6g} R/c"
         )
+    whole = whole[0], max(whole[1], last)
+    last_part = _END
+    if longest.scenario.is_thrown:
+        last_part = _FLYING_END
     peak = longest.contact.greatest
     start = round(_START * frames) if first == whole[0] else 0
     pause = round(_PAUSE * frames) if first <= peak <= last else 0
-    end = max(round(last_part * frames), 1) if last >= longest.series["t"][-1] else 0
+    end = 0
+    if last >= film_end(longest):
+        end = max(round(last_part * frames), 1)
     moving = frames - start - pause - end
     # A part of a film keeps the pace of the whole.
     every = film_times(whole, runs, longest, second_flight)
@@ -218,8 +247,9 @@ def ringing(run: Run) -> float:
     """Return how many times stronger the vibration after an impact must be shown to be
     seen; 1 if it is strong enough, if dashpots have taken it, or if an elastic wall
     rings, too."""
-    scenario = run.scenario
-    if not scenario.is_thrown or len(scenario.lattice.wall_surface):
+    if not run.scenario.is_thrown or len(run.scenario.lattice.wall_surface):
+        return 1.0
+    if run.scenario.falls_back:
         return 1.0
     columns = run.series
     elastic = columns["elastic"]
@@ -239,13 +269,17 @@ def captions(
     """Return the pictures `shots` with the words of `run`. `stronger`: factor of its
     `ringing`, which grows from 1 over `ease` pictures."""
     columns = run.series
-    scenario = run.scenario
+    scenario: Any = run.scenario
     peak = run.contact.greatest
-    result_time = columns["t"][-1]
-    if scenario.is_thrown:
-        result_time = run.contact.end
-    result = scenario.words.marks[0].format(**scenario.result(columns))
     _, curves_end = curve_span(run)
+    results = [scenario.words.marks[0].format(**scenario.result(columns))]
+    ends = [curves_end]
+    if scenario.is_thrown:
+        ends = [one.end for one in contacts_of(columns)]
+    if scenario.falls_back:
+        results = []
+        for number, e in enumerate(scenario.restitutions(columns), 1):
+            results.append(f"e{number} = ".translate(LOWERED) + f"{e:.3f}")
     times = [shot.t for shot in shots]
     rows = {name: np.interp(times, columns["t"], columns[name]) for name in columns}
     found = []
@@ -260,10 +294,13 @@ def captions(
             time = BEFORE
         if scenario.is_thrown and shot.t > curves_end:
             time = AFTER.format(curves_end)
-        if shot.t >= result_time:
-            shown_result = result
+        if shot.t >= ends[0]:
+            known = bisect_right(ends, shot.t)
+            shown_result = results[:known][-1]
             after += 1
-            if len(lines) == 1:
+            if film_end(run) < columns["t"][-1]:
+                remarks = NEARLY_AT_REST
+            if len(lines) == 1 and not scenario.falls_back:
                 lines = []  # the result is the same number with more digits
             if stronger > 1.0:
                 long = f"shown {stronger:g} times stronger"

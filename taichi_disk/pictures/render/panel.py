@@ -19,7 +19,6 @@ _LETTER = 20.0  # size of letters in a picture of 720 pixels [px]
 
 def panel_scene(run: Run, letters: Letters) -> PanelScene:
     theme = letters.theme
-    columns = run.series
     size = 2 * round(letters.height * _WIDTH / 2), letters.height
     # Twice as many samples as columns are enough, and quick to send.
     times = np.linspace(*curve_span(run), 2 * size[0])
@@ -27,14 +26,14 @@ def panel_scene(run: Run, letters: Letters) -> PanelScene:
     labels = []
     for panel, label in enumerate(axis_labels(run.scenario.words)):
         group = [
-            one for one in curves(run.scenario, columns) if one.look.panel == panel
+            one for one in curves(run.scenario, run.series) if one.look.panel == panel
         ]
         largest = max(float(np.abs(one.values).max()) for one in group)
         text, unit = factored(label, largest)
         labels.append(text)
         for one in group:
             # before t = 0 a curve is constant
-            values = np.interp(times, columns["t"], one.values / unit)
+            values = np.interp(times, run.series["t"], one.values / unit)
             shown.append(replace(one, values=values.astype(np.float32)))
     return PanelScene(
         t=times,

@@ -143,8 +143,7 @@ class Pictures:
         """
         self._painters = [one.painter for one in disks]
         self._letters = letters
-        height = letters.height
-        width = disk_width(height, len(disks))
+        width = disk_width(letters.height, len(disks))
         camera, legends = arranged(disks, width, letters, view)
         all_disks = len(disks) * width
         self._scales = Scales(self._painters[0], all_disks, letters, camera.scale)
@@ -156,7 +155,7 @@ class Pictures:
         if panel:
             whole_width += panel.size[0]
         ground = ink(THEMES[self._painters[0].theme].ground)
-        still = np.full((height, whole_width, 4), 255, dtype=np.uint8)
+        still = np.full((letters.height, whole_width, 4), 255, dtype=np.uint8)
         still[..., :3] = ground
         image, draw = canvas(still)
         for k, one in enumerate(legends):
@@ -187,13 +186,20 @@ class Pictures:
         """Draw each disk, its ringing as strong as its caption says."""
         drawn = []
         canvas = self._window.get_canvas()
-        is_soft = self._window.is_soft
         unit = self._letters.unit * self._supersample
         disks = zip(self._painters, states, captions, strict=True)
         for painter, (_, x, v), caption in disks:
-            ringing = caption.ringing
-            placed = painter.placed(x, ringing)
-            painter.paint(canvas, self._camera, x, v, placed, unit, is_soft, ringing)
+            placed = painter.placed(x, caption.ringing)
+            painter.paint(
+                canvas,
+                self._camera,
+                x,
+                v,
+                placed,
+                unit,
+                self._window.is_soft,
+                caption.ringing,
+            )
             image = self._window.get_image_buffer_as_numpy()
             place = next(self._places)
             # GGUI made k/255 of each byte k, so 255.5 times this lies from k to k + 1.

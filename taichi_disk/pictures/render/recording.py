@@ -21,7 +21,7 @@ from taichi_disk.pictures.render.geometry import (
     magnification,
     placed,
 )
-from taichi_disk.pictures.render.moments import Run
+from taichi_disk.pictures.render.moments import Run, film_end
 from taichi_disk.pictures.render.palette import full_scale, round_near
 
 # number of times, from the contact to the greatest compression, that determine the
@@ -59,9 +59,9 @@ class Flight:
         """
         scenario = run.scenario
         columns = run.series
-        last = float(columns["t"][-1])
+        last = film_end(run)
         if height == 0.0 or not _flies(run):
-            return cls(run, 0.0, last)
+            return cls(run, float(columns["t"][0]), last)
         edge = edge_height(scenario.model.wall, run.largest_force)
         first = columns["lowest_y"][0]
         top = max(edge + height, first)
@@ -93,7 +93,9 @@ class Flight:
 def _flies(run: Run) -> bool:
     """Return whether the disk moves like a rigid body before t = 0."""
     scenario = run.scenario
-    if not scenario.is_thrown or scenario.own.velocities is not None:
+    if not scenario.is_thrown or scenario.falls_back:
+        return False
+    if scenario.own.velocities is not None:
         return False
     springs = scenario.model.springs
     return not scenario.scene.impact.spin or not springs.damped or springs.axial
@@ -173,12 +175,14 @@ class Recording:
         self, states: Sequence[State], quantities: Sequence[str]
     ) -> dict[str, float]:
         scenario = self.run.scenario
-        springs = scenario.model.springs
         n = scenario.lattice.disk_points
         triangles = Triangles(scenario.lattice)
         limits = {}
         for name in quantities:
-            values = [at_points(name, triangles, springs, x, v) for _, x, v in states]
+            values = [
+                at_points(name, triangles, scenario.model.springs, x, v)
+                for _, x, v in states
+            ]
             limits[name] = max(full_scale(one[:n], name) for one in values)
         return limits
 
@@ -186,9 +190,8 @@ class Recording:
         """Return drawn positions of the disk (n, 2) [R] in the states that reach
         farthest."""
         lattice = self.run.scenario.lattice
-        n = lattice.disk_points
         return [
-            placed(lattice, x, magnify, self.edge, ringing)[:n]
+            placed(lattice, x, magnify, self.edge, ringing)[: lattice.disk_points]
             for x, ringing in self._outer
         ]
 

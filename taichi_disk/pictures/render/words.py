@@ -268,7 +268,7 @@ class Scales:
     def _add_colours(self) -> None:
         painter = self._painter
         quantity = QUANTITIES[painter.colour]
-        name = quantity.short or quantity.label
+        name = quantity.label
         words, factor = factored(f"{name} [{quantity.unit}]", painter.limit)
         if painter.colour == "strain":
             words = f"{name} [%]"

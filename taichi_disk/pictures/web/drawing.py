@@ -95,13 +95,9 @@ def _options(video: VideoSection) -> dict[str, Any]:
 
 
 def _quantity(name: str) -> dict[str, Any]:
-    kind = QUANTITIES[name]
-    label = kind.label
-    if kind.on != "points":
-        label += " (averaged)"
-    words = asdict(kind)
+    words = asdict(QUANTITIES[name])
     del words["full"]
-    return words | {"name": name, "label": label, "map": map_kind(name)}
+    return words | {"name": name, "map": map_kind(name)}
 
 
 def _maps() -> dict[str, str]:

@@ -225,7 +225,6 @@ def _recorded(
     """
     scenario = states.run.scenario
     lattice = scenario.lattice
-    springs = scenario.model.springs
     triangles = Triangles(lattice)
     moved = []
     forces = []
@@ -239,7 +238,7 @@ def _recorded(
         centres.append(lattice.mean(x))
         velocities.append(lattice.mean(v))
         for name, each in values.items():
-            each.append(colour_values(name, triangles, springs, x, v))
+            each.append(colour_values(name, triangles, scenario.model.springs, x, v))
     unit = max(float(np.abs(moved).max()), 1e-9) / _LEVELS
     levels = np.rint(np.array(moved) / unit).astype("<i2")
     steps = _differences(levels).view(np.uint8)

@@ -104,7 +104,7 @@ function drawKeys(ctx, { width, theme, scale, force }, row) {
   const shown = roundBelow((0.1 * longest) / pixels);
   const tip = left + shown * pixels;
   arrow(ctx, [left, row], [tip, row], 1.6, theme.ink, theme.ground);
-  write(ctx, `wall: ${label(shown)} Mc²/R`, tip + 8, row + 4, { textAlign: "left", theme });
+  write(ctx, `${label(shown)} Mc²/R on a point`, tip + 8, row + 4, { textAlign: "left", theme });
 }
 
 // Draw the scale of colours with its numbers and its name.
@@ -135,7 +135,7 @@ function drawColours(ctx, { width, height, theme, quantity, limit, colours }, pl
   }
   const name = nameOf(quantity, limit);
   const whole = `◂ ${quantity.low}    ${name}    ${quantity.high} ▸`;
-  const words = [quantity.low ? whole : name, name, name.split("  [")[0], name.split(" (")[0]];
+  const words = [quantity.low ? whole : name, name, name.split("  [")[0]];
   const text = words.find((one) => ctx.measureText(one).width < width - 16) ?? "";
   write(ctx, text, width / 2, height - places.name, { theme });
 }

@@ -572,7 +572,6 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
         whole_number(lattices, "lattices", MOST_LATTICES)
     # reads the files of a lattice and velocities only once, because they may change
     work = Work(scene, lattice, velocities, progress, started)
-    own = work.own
     options: dict[str, Any] = {"lattices": lattices, "force": force}
     if out is None:
         if export:
@@ -585,7 +584,7 @@ def run(  # noqa: PLR0913 (keywords, one for each option of the command)
             f" run(scene, velocity=0.1), or the folder as ./{out}"
         )
     out = as_path(out, "out")
-    text = own.repeating(work.scene).to_yaml()
+    text = work.own.repeating(work.scene).to_yaml()
     with run_folder(out, text, count_on, overwrite, work.digest) as folder:
         if export:
             from taichi_disk.runs.output.export import check_export

@@ -58,14 +58,13 @@ def default_count(outcome: Outcome) -> tuple[int, str]:
     """Return the default number of lattices: 8 up to 5,000 points, 3 for a relaxation
     or with a tolerance, else 1; and why there are fewer than 8."""
     scenario = outcome.scenario
-    summary = outcome.summary
     lattice = scenario.lattice
     if len(lattice.positions) > MAX_POINTS:
         return 1, f"disk and wall have more than {MAX_POINTS:,} points"
     if scenario.static:
         return LATTICES, ""
-    step_forces = INTEGRATORS[summary["integrator"]].forces
-    if summary["steps"] * step_forces * len(lattice.bonds) > ESTIMATE_UP_TO:
+    step_forces = INTEGRATORS[outcome.summary["integrator"]].forces
+    if outcome.summary["steps"] * step_forces * len(lattice.bonds) > ESTIMATE_UP_TO:
         return 1, "one run takes more than about 5 s"
     if not scenario.step_dependent:
         return FEW_LATTICES, "a relaxation takes many steps"

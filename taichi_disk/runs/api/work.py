@@ -141,7 +141,6 @@ class Work:
         return replace(outcome, summary=summary)
 
     def _heading(self, status: str, reason: str | None = None) -> dict[str, Any]:
-        own = self.own
         spec = self.scene.lattice
         summary: dict[str, Any] = {
             "scene": self.scene.scene,
@@ -154,8 +153,8 @@ class Work:
         }
         if self.digest:
             summary["lattice_digest"] = self.digest
-        has_disk = own.disk is not None and spec.file == "none"
-        has_velocities = own.velocities is not None and spec.velocities == "none"
+        has_disk = self.own.disk is not None and spec.file == "none"
+        has_velocities = self.own.velocities is not None and spec.velocities == "none"
         if has_disk or has_velocities:
             summary["own_start"] = (
                 "lattice or velocities were given in Python: lattice.npz holds them"
@@ -232,9 +231,8 @@ class Work:
         along."""
         path = folder.path
         summary = outcome.summary
-        scenario = outcome.scenario
-        quoted = headline(summary, scenario.words.labels)
-        shown = plot_scene(scenario, outcome.series)
+        quoted = headline(summary, outcome.scenario.words.labels)
+        shown = plot_scene(outcome.scenario, outcome.series)
         finish_plot = artist.begin(plot_run, path / "plot.png", shown, quoted)
         reporters: dict[str, Callable[[], Any]] = {}
         if export:

@@ -30,7 +30,7 @@ from taichi_disk.experiments.computation.scenario import Scenario
 from taichi_disk.experiments.scenes.scene import DiskScene, origin
 from taichi_disk.mechanics.fields import Triangles, point_stress, pressure, stress
 from taichi_disk.mechanics.lattice import Array, Lattice
-from taichi_disk.mechanics.physics.model import Model
+from taichi_disk.mechanics.physics import Model
 
 BLOCK = 10_000  # rows of a text file that are formatted together
 
@@ -112,7 +112,6 @@ def _write_xyz(
     `stress` and `energy` as values of the whole system.
     """
     n = len(lattice.positions)
-    disk = lattice.disk_points
     metadata = f'Program="{PROGRAM}" Scene="{_in_a_line(scene)}"'
     side = 0.0
     with path.open("w", encoding="utf-8", newline="\n") as file:
@@ -136,8 +135,8 @@ def _write_xyz(
                 ' pbc="F F F"\n'
             )
             table = np.concatenate(list(columns.values()), axis=1)
-            _write_rows(file, "X", table[:disk])
-            _write_rows(file, "Si", table[disk:])
+            _write_rows(file, "X", table[: lattice.disk_points])
+            _write_rows(file, "Si", table[lattice.disk_points :])
 
 
 def _write_rows(file: IO[str], species: str, table: Array) -> None:

@@ -1,6 +1,7 @@
 """Custom lattices: from arrays, from files, and the messages about invalid ones."""
 
 import io
+import math
 import os
 import re
 import zipfile
@@ -372,3 +373,14 @@ def test_a_file_s_number_of_points_is_one_it_has(tmp_path, number):
     text = r"a\.npz: disk_points: must be a whole number from 0 to 241"
     with pytest.raises(InputError, match=text):
         Lattice.read(tmp_path / "a.npz")
+
+
+def test_masses_whose_sum_is_1_within_rounding_keep_their_bits():
+    rng = np.random.default_rng(1)
+    sums = []
+    for _ in range(10):
+        once = Lattice.from_points(GRID, masses=rng.random(len(GRID)))
+        again = Lattice.from_points(GRID, masses=once.masses)
+        assert (again.masses == once.masses).all()
+        sums.append(math.fsum(once.masses))
+    assert any(total != 1.0 for total in sums)

@@ -96,7 +96,8 @@ def test_a_drawing_gives_the_body_of_its_points(tmp_path):
     path = tmp_path / "l.svg"
     # y points downwards; a group, a view box, a hidden layer and words do not matter
     path.write_text(
-        '<svg xmlns="http://www.w3.org/2000/svg" width="90mm" viewBox="0 0 30 30">'
+        '<svg xmlns="http://www.w3.org/2000/svg" width="90mm" height="90mm"'
+        ' viewBox="0 0 30 30">'
         '<g transform="translate(5 30) scale(1 -1)"><path d="M0 0h3v1h-2v2h-1z"/></g>'
         '<g style="display:none"><path d="M0 0h30v30z"/></g>'
         '<rect visibility="hidden" width="9" height="9"/><text>L</text></svg>'
@@ -127,6 +128,12 @@ FAULTS = {
         svg('<circle r="9"/><circle r="6"/><circle r="4"/>'),
         "holes are nested at (",
     ),
+    "clip.svg": (
+        svg('<g clip-path="url(#a)"><circle r="9"/></g>'),
+        "a path is clipped or masked",
+    ),
+    "mask.svg": (svg('<circle r="9" style="mask:url(#a)"/>'), "a path is clipped"),
+    "tips.csv": ("0,0\n9,0\n9,9\n0,9\n4,1", "too thin: round it off"),
     "words.svg": (svg("<text>body</text>"), "words and images must be made paths"),
     "empty.svg": (svg(""), "there are no paths"),
     "empty.csv": ("x,y\n", "it has no points (x | y)"),
@@ -136,11 +143,11 @@ FAULTS = {
     "slender.csv": ("0,0\n10,0\n10,1\n0,1", "the points extend over"),
     "neck.svg": (
         svg('<path d="M0 0h4v2.8h2v-2.8h4v6h-4v-2.8h-2v2.8h-4z"/>'),
-        "at (4.8, -2.8) the body, a hole or a notch is too thin: take some ",
+        "at (4.8, -2.8) the body, a hole or a notch is too thin: round",
     ),
     "notch.svg": (svg('<path d="M0 0H40V40H43V0H80V80H0Z"/>'), "at (40, -40) the body"),
-    "dot.svg": (svg('<circle r="9"/><circle r=".3"/>'), "too thin: take some"),
-    "tip.csv": ("0,0\n4,.1\n4,2\n2,2\n2,.3\n0,.2", "too thin: take some"),
+    "dot.svg": (svg('<circle r="9"/><circle r=".3"/>'), "too thin: round it off"),
+    "tip.csv": ("0,0\n4,.1\n4,2\n2,2\n2,.3\n0,.2", "too thin: round it off"),
 }
 
 

@@ -24,6 +24,7 @@ def fit_engine() -> bool:
 def copy_into(folder: Path) -> None:
     """Copy the engine's shaders into a new `folder`, with ours in place of two of
     them."""
-    shutil.copytree(str(files(engine.NAME) / "shaders"), folder)
-    for path in Path(__file__).parent.glob("*.spv"):
-        shutil.copyfile(path, folder / path.name)
+    folder.mkdir()
+    for source in (Path(str(files(engine.NAME) / "shaders")), Path(__file__).parent):
+        for path in source.glob("*.spv"):
+            shutil.copyfile(path, folder / path.name)
