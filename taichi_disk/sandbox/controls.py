@@ -87,6 +87,9 @@ RANGES = {
         0.1,
         "dashpot constant of one spring; 0: none",
     ),
+    "impact.gravity": Range(
+        "gravity", "g", "c²/R", "", 1e-3, 0.01, "acceleration towards the wall"
+    ),
     "impact.angle": Range(
         "angle",
         "",
@@ -274,6 +277,8 @@ class Controls:
             if key.startswith("material.") and key != self.dashpot_key:
                 continue
             value = self.value(key)
+            if key == "impact.gravity" and not value:
+                continue  # a scene without it has other keys that gravity excludes
             if value is not None:
                 low = min(usual.low, value)
                 high = max(usual.high, value)

@@ -302,7 +302,8 @@ class Sandbox:
         columns = segment.columns
         experiment = experiment_of(segment)
         self.results = [*self.results, experiment][-MAX_RESULTS:]
-        self.paused = not self.remaining_loads
+        goes_on = self.remaining_loads or segment.scenario.falls_back
+        self.paused = not goes_on
         self.message = ""
         self._warnings = warnings(segment.scenario, columns)
         if segment.label == DISTURBED:  # a part of the energies may lie before

@@ -30,15 +30,20 @@ def flights(columns: Columns) -> list[int]:
     return [0, *(apexes(columns) or [len(columns["t"]) - 1])]
 
 
-def flight_energies(columns: Columns, gravity: float, surface: float) -> Array:
-    """Return the energy of the centre of mass in each flight (flights,) [M c^2], with
-    its potential above the height `surface` [R]; 0 if it stays on the wall."""
+def restitutions(
+    columns: Columns, before: float, gravity: float, surface: float
+) -> list[float]:
+    """Return e of each bounce: the ratio of the speeds after and before it, without the
+    wall, with the centre of mass at the height `surface` [R]; 0 if the disk stays on
+    the wall. `before`: speed before the first bounce [c], unless it falls faster."""
     energy = 0.5 * columns["com_vy"] ** 2 + np.maximum(columns["wall"], 0.0)
     energy += gravity * (columns["com_y"] - surface)
-    energies = energy[flights(columns)]
-    if gravity and not apexes(columns):
-        energies[1] = 0.0
-    return energies
+    speeds = np.sqrt(2.0 * np.maximum(energy[flights(columns)], 0.0))
+    if gravity:
+        before = max(before, speeds[0])
+        speeds[1:] *= bool(apexes(columns))
+    speeds[0] = before
+    return (speeds[1:] / speeds[:-1]).tolist()
 
 
 class Contact:
@@ -142,6 +147,11 @@ class Contact:
     def _vibration(self) -> Array:
         """Kinetic and elastic energy of vibration (rows,) [M c^2]."""
         return self._columns["vibration"] + self._columns["elastic"]
+
+
+def contacts_of(columns: Columns) -> list[Contact]:
+    """Return the contact of each bounce."""
+    return [Contact(columns, k) for k in range(len(flights(columns)) - 1)]
 
 
 def energy_error(columns: Columns) -> float:

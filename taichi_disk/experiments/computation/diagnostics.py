@@ -152,7 +152,7 @@ def faster_than_before(gained: dict[str, float]) -> str:
 
 
 def _at_rest(scenario: Scenario, columns: Columns) -> str:
-    if not scenario.is_thrown or not scenario.scene.impact.gravity:
+    if not scenario.falls_back:
         return ""
     made = len(apexes(columns))
     asked = scenario.scene.impact.bounces

@@ -61,6 +61,11 @@ class Scenario(ABC):
     is_thrown: ClassVar[bool] = False
 
     @property
+    def falls_back(self) -> bool:
+        """Whether gravity brings the disk back to the wall."""
+        return self.is_thrown and self.model.load is not None
+
+    @property
     def stored_scene(self) -> Any:
         """The scene as files hold it: it reads user-supplied points and velocities from
         lattice.npz."""

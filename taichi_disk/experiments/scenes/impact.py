@@ -16,8 +16,7 @@ from taichi_disk.experiments.computation.contact import (
     CONTACT_LEVEL,
     Contact,
     apexes,
-    flight_energies,
-    flights,
+    restitutions,
 )
 from taichi_disk.experiments.computation.scenario import (
     Array,
@@ -27,7 +26,11 @@ from taichi_disk.experiments.computation.scenario import (
     time_text,
 )
 from taichi_disk.experiments.scenes import oblique
-from taichi_disk.experiments.scenes.bounces import LATER, NAMES, bounce_conflicts
+from taichi_disk.experiments.scenes.bounces import (
+    LATER,
+    NAMES,
+    bounce_conflicts,
+)
 from taichi_disk.experiments.scenes.conflicts import Conflicts, gap_conflicts
 from taichi_disk.experiments.scenes.scene import DiskScene
 from taichi_disk.mechanics.lattice import Lattice, disk_of
@@ -216,7 +219,8 @@ class ImpactScene(DiskScene):
             rolling = (2.0 * self.impact.along - self.impact.spin) / 3.0
             path.append(contact + 1.2 * gap * rolling / self.impact.towards)
         x, y = lattice.positions[: lattice.disk_points].T
-        reach = max(1.1, 0.1 + float(np.abs(x).max()))
+        # the same for each turn of a disk, whose centre of mass is not quite its middle
+        reach = max(1.1, 0.08 + float(np.abs(x).max()))
         top = max(2.0 + gap, 2.0 + self.impact.rise, y.max())
         return min(path) - reach, max(path) + reach, -0.1, float(top)
 
@@ -336,7 +340,7 @@ class ImpactScenario(Scenario):
     # ---- the end
 
     def end_bounds(self) -> dict[str, tuple[float, float]]:
-        if self.scene.impact.gravity:  # it may stay on the wall
+        if self.falls_back:  # it may stay on the wall
             return {}
         return {"com_vy": (0.0, np.inf), "lowest_y": (self.gap, np.inf)}
 
@@ -348,7 +352,7 @@ class ImpactScenario(Scenario):
         # entirely.
         last = {name: float(values[-1]) for name, values in columns.items()}
         impact = self.scene.impact
-        if impact.gravity:
+        if self.falls_back:
             # It stays on the wall if no energy is left to lift it to its start.
             stored = sum(last[name] for name in of_kind("energy"))
             has_ended = len(apexes(columns)) >= impact.bounces
@@ -382,9 +386,10 @@ class ImpactScenario(Scenario):
         )
 
     def end_truncation_error(self, columns: Columns) -> float:
-        row = flights(columns)[1]
-        last = abs(float(columns["com_vy"][row]))
-        far = float(np.sqrt(last**2 + 2.0 * max(columns["wall"][row], 0.0)))
+        last = far = 0.0
+        if not self.falls_back:  # an apex is far from the wall
+            last = float(columns["com_vy"][-1])
+            far = float(np.sqrt(last**2 + 2.0 * max(columns["wall"][-1], 0.0)))
         gained = self.speed_before - self.velocity + far - last
         return POTENTIAL_CAUTION * gained / self.velocity
 
@@ -406,9 +411,7 @@ class ImpactScenario(Scenario):
 
     def result(self, columns: Columns) -> dict[str, float]:
         contact = Contact(columns)
-        speeds = self._speeds(columns)
-        ratios = (speeds[1:] / speeds[:-1])[: self.scene.impact.bounces]
-        found = dict(zip(NAMES, ratios.tolist(), strict=False))
+        found = dict(zip(NAMES, self.restitutions(columns), strict=False))
         found["contact_time"] = contact.end - contact.start
         if self.scene.is_oblique:
             inertia = self.shape.inertia
@@ -425,15 +428,16 @@ class ImpactScenario(Scenario):
             scales |= oblique.scales_along_the_wall(columns, self.outline, inertia)
         return scales
 
-    def _speeds(self, columns: Columns) -> Array:
-        """Return the speeds (flights,) [c] without the wall, at its surface."""
-        gravity = self.scene.impact.gravity
-        energies = flight_energies(columns, gravity, self.surface)
-        return np.array([self.speed_before, *np.sqrt(2.0 * energies[1:])])
+    def restitutions(self, columns: Columns) -> list[float]:
+        """Return e of each bounce."""
+        impact = self.scene.impact
+        before = self.speed_before
+        found = restitutions(columns, before, impact.gravity, self.surface)
+        return found[: impact.bounces]
 
     def conclusion(self, columns: Columns) -> str:
         before = self.speed_before
-        after = self._speeds(columns)[1]
+        after = before * self.restitutions(columns)[0]
         direction = ""
         if self.scene.is_oblique:
             along = columns["com_vx"]
@@ -460,19 +464,25 @@ class ImpactScenario(Scenario):
         return f"{text}."
 
     def motion(self, columns: Columns) -> Array:
+        if self.falls_back:
+            return columns["com_y"] - self.surface
         return columns["com_vy"] / self.velocity
 
     @property
     def words(self) -> Words:
         motion = "velocity of the centre  [v]"
+        mark = "e = {restitution:.3f}"
         if self.scene.is_oblique:
             motion = "normal velocity over initial"
+        if self.falls_back:
+            motion = "height  [R]"
+            mark = "after the last bounce"
         return Words(
             title=self._title(),
             symbol="e",
             labels=LABELS,
             measured=MEASURED,
-            marks=("e = {restitution:.3f}", "contact time {contact_time:.4g} R/c"),
+            marks=(mark, "contact time {contact_time:.4g} R/c"),
             motion=motion,
             quality=("energy imbalance\n/ initial kinetic", "linear"),
             truncation_remedy="a larger impact.gap ends it farther from the wall",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.base.errors import InputError
+from taichi_disk.experiments.computation.contact import contacts_of
 from taichi_disk.experiments.computation.outcome import Outcome
 from taichi_disk.mechanics.lattice import Array
 from taichi_disk.pictures.plot import last_motion
@@ -35,6 +37,9 @@ _AROUND_CONTACT = 0.06  # shown in slow motion, too; over the duration of the co
 _FLIGHT = 0.12  # film time of a flight over that of the contact
 _FLYING_END = 0.05  # the end of an impact, whose result is shown since the contact
 _RINGING_FLIGHT = 0.28  # a second flight in which a ringing is shown
+# time in which the pace of several bounces doubles, over the duration of a contact
+_RAMP = 0.15
+LOWERED = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 _CHANGE = 0.2  # fraction of a flight in which the pace changes
 # samples of the pace of a whole film; a film of a part of the run keeps this pace
 _PACE_TIMES = 1000
@@ -116,7 +121,7 @@ def time_of(moment: Any, run: Run) -> float:
 def curve_span(run: Run) -> tuple[float, float]:
     """Return the first and last time of the curves beside a film [R/c]."""
     last = film_end(run)
-    if not run.scenario.is_thrown:
+    if not run.scenario.is_thrown or run.scenario.falls_back:
         return float(run.series["t"][0]), last
     contact = run.contact
     beside = BESIDE_CONTACT * (contact.end - contact.start)
@@ -136,8 +141,9 @@ def film_times(
     """Return the times (_PACE_TIMES,) [R/c] of a film over the times `whole`, at a pace
     that changes smoothly from the flights to the slow motion of the contact.
     `second_flight`: its film time over that of the contact."""
-    scenario = longest.scenario
-    if not scenario.is_thrown or scenario.scene.impact.bounces > 1:
+    if longest.scenario.falls_back:
+        return _times_of_bounces(longest)
+    if not longest.scenario.is_thrown:
         return np.linspace(*whole, _PACE_TIMES)
     first = min(run.contact.start for run in runs)
     second = max(run.contact.end for run in runs)
@@ -152,6 +158,17 @@ def film_times(
     film_time = np.where(t < first, _FLIGHT, second_flight) * (second - first)
     fastest = np.maximum((1.0 + _CHANGE) * flight / film_time, 1.0)
     number = np.cumsum(1.0 / np.sqrt(1.0 + part * (fastest**2 - 1.0)))
+    return np.interp(np.linspace(number[0], number[-1], _PACE_TIMES), number, t)
+
+
+def _times_of_bounces(run: Run) -> Array:
+    """Return the times (_PACE_TIMES,) [R/c] of a film of several bounces, whose pace
+    grows with the time to the nearest contact."""
+    t = np.linspace(0.0, run.series["t"][-1], 20 * _PACE_TIMES)
+    contacts = contacts_of(run.series)
+    away = [np.abs(t - np.clip(t, one.start, one.end)) for one in contacts]
+    quicker = np.min(away, axis=0) / (_RAMP * (run.contact.end - run.contact.start))
+    number = np.cumsum(1.0 / (1.0 + quicker))
     return np.interp(np.linspace(number[0], number[-1], _PACE_TIMES), number, t)
 
 
@@ -232,6 +249,8 @@ def ringing(run: Run) -> float:
     rings, too."""
     if not run.scenario.is_thrown or len(run.scenario.lattice.wall_surface):
         return 1.0
+    if run.scenario.falls_back:
+        return 1.0
     columns = run.series
     elastic = columns["elastic"]
     dissipated = columns["dissipated"]
@@ -250,13 +269,17 @@ def captions(
     """Return the pictures `shots` with the words of `run`. `stronger`: factor of its
     `ringing`, which grows from 1 over `ease` pictures."""
     columns = run.series
-    scenario = run.scenario
+    scenario: Any = run.scenario
     peak = run.contact.greatest
     _, curves_end = curve_span(run)
-    result_time = curves_end
+    results = [scenario.words.marks[0].format(**scenario.result(columns))]
+    ends = [curves_end]
     if scenario.is_thrown:
-        result_time = run.contact.end
-    result = scenario.words.marks[0].format(**scenario.result(columns))
+        ends = [one.end for one in contacts_of(columns)]
+    if scenario.falls_back:
+        results = []
+        for number, e in enumerate(scenario.restitutions(columns), 1):
+            results.append(f"e{number} = ".translate(LOWERED) + f"{e:.3f}")
     times = [shot.t for shot in shots]
     rows = {name: np.interp(times, columns["t"], columns[name]) for name in columns}
     found = []
@@ -271,12 +294,13 @@ def captions(
             time = BEFORE
         if scenario.is_thrown and shot.t > curves_end:
             time = AFTER.format(curves_end)
-        if shot.t >= result_time:
-            shown_result = result
+        if shot.t >= ends[0]:
+            known = bisect_right(ends, shot.t)
+            shown_result = results[:known][-1]
             after += 1
             if film_end(run) < columns["t"][-1]:
                 remarks = NEARLY_AT_REST
-            if len(lines) == 1:
+            if len(lines) == 1 and not scenario.falls_back:
                 lines = []  # the result is the same number with more digits
             if stronger > 1.0:
                 long = f"shown {stronger:g} times stronger"

@@ -93,7 +93,9 @@ class Flight:
 def _flies(run: Run) -> bool:
     """Return whether the disk moves like a rigid body before t = 0."""
     scenario = run.scenario
-    if not scenario.is_thrown or scenario.own.velocities is not None:
+    if not scenario.is_thrown or scenario.falls_back:
+        return False
+    if scenario.own.velocities is not None:
         return False
     springs = scenario.model.springs
     return not scenario.scene.impact.spin or not springs.damped or springs.axial

@@ -417,3 +417,26 @@ def test_presets_are_the_scenes_of_the_list_after_that_which_was_given():
     assert len(entries) == len(list_presets(None))  # it is one of them
     kinds = {"compression", "exponential_wall", "absorbing_wall"}
     assert {one.load().scene for one in entries} == kinds
+
+
+# ---- gravity
+
+
+def test_a_disk_under_gravity_goes_on_bouncing_after_its_result(kernels):
+    settings = ["lattice.points=60", "impact.bounces=2"]
+    sandbox = opened(kernels, settings, "bouncing_disk")
+    outcome, e = computed(sandbox.scene)
+    sandbox.paused = False
+    while not sandbox.results:
+        sandbox.advance(0.237)
+    assert sandbox.results[0].value == e
+    assert not sandbox.paused
+    for _ in range(200):
+        sandbox.advance(1.0)
+    assert sandbox.time.segment.now > 3.0 * outcome.series["t"][-1]
+    assert sandbox.status == "same as taichi-disk run"
+    # Sent down from above it is faster at the wall than the scene's speed.
+    sandbox.hit_again()
+    while len(sandbox.results) < 2:
+        sandbox.advance(0.237)
+    assert 0.7 < sandbox.results[1].value < 1.0
