@@ -28,8 +28,9 @@ strongest = np.argsort(taken)[:-4:-1]
 for k in strongest:
     print(f"omega = {modes.frequencies[k]:.3f} c/R took {taken[k]:.5f}")
 
-spines = {"axes.spines.top": False, "axes.spines.right": False}
-plt.rcParams.update({"font.size": 13, "legend.frameon": False} | spines)
+plt.rc("font", size=13)
+plt.rc("legend", frameon=False)
+plt.rc("axes.spines", top=False, right=False)
 figure, axes = plt.subplot_mosaic("aaa;bcd", figsize=(7.2, 6.0), layout="constrained")
 axes["a"].vlines(modes.frequencies, 0, 100 * taken, color="#00806A", linewidth=3)
 axes["a"].plot(modes.frequencies, 100 * taken, "o", color="#00806A", label="each mode")
