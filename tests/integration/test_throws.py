@@ -13,6 +13,7 @@ from taichi_disk import load_scene
 from taichi_disk.experiments.computation.scenario import OwnStart
 from taichi_disk.mechanics.fields import QUANTITIES, Triangles, at_points
 from taichi_disk.pictures.render.moments import ringing
+from taichi_disk.pictures.render.recording import Flight, Recording
 from taichi_disk.pictures.web import throws
 from taichi_disk.pictures.web.drawing import FILM, bundle
 from taichi_disk.runs import api
@@ -179,6 +180,10 @@ def test_a_page_fits_scales_and_ringing_to_a_throw_as_its_film_does(tmp_path):
     found = in_node(tmp_path, LOOK, films, numbers)
     assert [strength for strength, _ in found] == strengths
     assert sorted(strengths)[1] > 1.0
+    times = [result.contact.start, float(result.series["t"][-1])]
+    recording = Recording(Flight.of(result, 0.0), times, list(QUANTITIES), 1.0)
+    # a round number, or the next one, because the page takes the nearest rows
+    assert found[-1][1] == pytest.approx(recording.limits, rel=0.3)
 
 
 # Each has one reason for which pages cannot throw it.
