@@ -28,18 +28,22 @@ strongest = np.argsort(taken)[:-4:-1]
 for k in strongest:
     print(f"omega = {modes.frequencies[k]:.3f} c/R took {taken[k]:.5f}")
 
+plt.rc("font", size=13)
+plt.rc("legend", frameon=False)
+plt.rc("axes.spines", top=False, right=False)
 figure, axes = plt.subplot_mosaic("aaa;bcd", figsize=(7.2, 6.0), layout="constrained")
-axes["a"].stem(modes.frequencies, 100 * taken, basefmt=" ", label="each mode")
+axes["a"].vlines(modes.frequencies, 0, 100 * taken, color="#00806A", linewidth=3)
+axes["a"].plot(modes.frequencies, 100 * taken, "o", color="#00806A", label="each mode")
 axes["a"].step(
     modes.frequencies,
     100 * taken.cumsum(),
     where="post",
-    color="#D55E00",
+    color="#C23F00",
     label="all up to here",
 )
 axes["a"].axhline(100 * lost, color="0.4", linestyle="--", label="1 − e²")
 axes["a"].set(
-    xlabel="frequency ω  [c/R]", ylabel="energy at the end / flight before  [%]"
+    xlabel="frequency ω  [c/R]", ylabel="energy of vibration\n/ flight before  [%]"
 )
 axes["a"].legend()
 rim = np.append(result.lattice.disk_surface, result.lattice.disk_surface[0])
@@ -47,8 +51,8 @@ for ax, k in zip((axes[name] for name in "bcd"), strongest, strict=True):
     at_rest, shape = result.lattice.positions[rim], modes.shapes[k, rim]
     ax.plot(*at_rest.T, color="0.7")
     for sign in (-0.1, 0.1):
-        ax.plot(*(at_rest + sign * shape).T, color="#0072B2")
-    ax.set_title(f"ω = {modes.frequencies[k]:.2f} c/R: {taken[k]:.2%}", fontsize=10)
+        ax.plot(*(at_rest + sign * shape).T, color="#00806A")
+    ax.set_title(f"ω = {modes.frequencies[k]:.2f} c/R: {taken[k]:.2%}", fontsize=13)
     ax.set(aspect="equal")
     ax.axis("off")
 figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "why_e_is_below_one.png", dpi=100)

@@ -27,7 +27,7 @@ def test_each_scene_asks_a_question():
 
 
 IMPACTS = (
-    ("A bounce", {"dashpots": "dissipated"}),
+    ("A fast bounce", {"dashpots": "dissipated"}),
     ("No dashpots", {}),
     pytest.param(
         "Dashpots at the boundary",

@@ -12,6 +12,8 @@ from programs import packed, python
 from taichi_disk import load_scene
 from taichi_disk.experiments.computation.scenario import OwnStart
 from taichi_disk.mechanics.fields import QUANTITIES, Triangles, at_points
+from taichi_disk.pictures.render.moments import ringing
+from taichi_disk.pictures.render.recording import Flight, Recording
 from taichi_disk.pictures.web import throws
 from taichi_disk.pictures.web.drawing import FILM, bundle
 from taichi_disk.runs import api
@@ -148,6 +150,40 @@ def test_a_page_knows_every_colour(tmp_path):
     for name, colours in found.items():
         values = at_points(name, Triangles(result.lattice), springs, x, v)
         assert colours == pytest.approx(values, rel=1e-9, abs=1e-15), name
+
+
+LOOK = """
+console.log(JSON.stringify(films.map((film, k) => {
+  const disk = diskOfFilm(film);
+  const steps = throwing(disk, ...throws[k]);
+  let next;
+  do next = steps.next();
+  while (!next.done);
+  const again = new Again(disk, film, next.value, 0);
+  const { quantities } = film.runs[0].scene;
+  const limits = quantities.map(({ name }) => [name, again.limit(name)]);
+  return [again.ringing, Object.fromEntries(limits)];
+})));
+"""
+
+
+def test_a_page_fits_scales_and_ringing_to_a_throw_as_its_film_does(tmp_path):
+    step = ["time.integrator=velocity_verlet", "video.seconds=1", "video.fps=5"]
+    scene = load_scene("exponential_wall", [*SMALL, *step])
+    numbers = [(0.05, 0.0), (0.05, 0.3), (0.1, 0.1)]
+    films = []
+    strengths = []
+    for v, eta in numbers:
+        result = api.run(scene.with_(velocity=v, eta_star=eta), lattices=1)
+        films.append(packed(result.film(tmp_path / "film.html"))[0])
+        strengths.append(ringing(result))
+    found = in_node(tmp_path, LOOK, films, numbers)
+    assert [strength for strength, _ in found] == strengths
+    assert sorted(strengths)[1] > 1.0
+    times = [result.contact.start, float(result.series["t"][-1])]
+    recording = Recording(Flight.of(result, 0.0), times, list(QUANTITIES), 1.0)
+    # a round number, or the next one, because the page takes the nearest rows
+    assert found[-1][1] == pytest.approx(recording.limits, rel=0.3)
 
 
 # Each has one reason for which pages cannot throw it.

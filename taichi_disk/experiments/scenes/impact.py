@@ -219,7 +219,8 @@ class ImpactScene(DiskScene):
             rolling = (2.0 * self.impact.along - self.impact.spin) / 3.0
             path.append(contact + 1.2 * gap * rolling / self.impact.towards)
         x, y = lattice.positions[: lattice.disk_points].T
-        reach = max(1.1, 0.1 + float(np.abs(x).max()))
+        # the same for each turn of a disk, whose centre of mass is not quite its middle
+        reach = max(1.1, 0.08 + float(np.abs(x).max()))
         top = max(2.0 + gap, 2.0 + self.impact.rise, y.max())
         return min(path) - reach, max(path) + reach, -0.1, float(top)
 
