@@ -21,7 +21,7 @@ def shares(text):
 
 
 def test_each_scene_asks_a_question():
-    assert len(PLAYLIST) == 24
+    assert len(PLAYLIST) == 25
     for one in PLAYLIST.values():
         assert re.fullmatch(r"[A-Z][^?]+\?", one.question)
 
