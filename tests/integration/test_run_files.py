@@ -383,17 +383,18 @@ def test_lattice_npz_alone_repeats_the_run(runs):
 
 
 def test_a_run_keeps_its_outline_and_repeats_it_in_a_folder_that_moved(tmp_path):
+    quick = {"video": False, "lattices": 1}
     drawing = tmp_path / "square.csv"
     drawing.write_text("0,0\n1,0\n1,1\n0,1\n")
     scene = load_scene("exponential_wall", [f"lattice.outline={drawing}", *SMALL])
-    first = run(scene, tmp_path / "first")
+    first = run(scene, tmp_path / "first", video=False)
     assert len(first.summary["lattices"]["restitution"]["values"]) == 8
     drawing.write_text("0,0\n1,0\n1,2\n0,2\n")
-    other = run(scene, tmp_path / "first", count_on=True)
+    other = run(scene, tmp_path / "first", count_on=True, **quick)
     assert other.out.name == "first-2"
     assert other.restitution != first.restitution
     first.out.rename(tmp_path / "moved")
-    again = run(load_scene(tmp_path / "moved/scene.yaml"), tmp_path / "moved")
+    again = run(load_scene(tmp_path / "moved/scene.yaml"), tmp_path / "moved", **quick)
     assert again.out.name == "moved"
     assert Result.load(again.out).restitution == first.restitution
     assert (again.positions == first.positions).all()
