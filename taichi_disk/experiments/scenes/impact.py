@@ -373,6 +373,13 @@ class ImpactScenario(Scenario):
         return float(max(clear - lowest, 0.0)) / last["com_vy"]
 
     def unfinished(self, columns: Columns) -> str:
+        if self.falls_back:
+            return (
+                f"the disk has made {len(apexes(columns))} of"
+                f" {self.scene.impact.bounces} bounces by t ="
+                f" {columns['t'][-1]:.6g} R/c: set impact.bounces lower, or"
+                " impact.max_time higher"
+            )
         v = columns["com_vy"][-1]
         y = columns["lowest_y"][-1]
         name, damped = self.scene.material.dashpots
