@@ -20,6 +20,7 @@ from taichi_disk.base.errors import NOTICES
 from taichi_disk.base.files import write_text
 from taichi_disk.base.progress import Progress
 from taichi_disk.base.signals import raise_if_interrupted
+from taichi_disk.experiments.computation.contact import contacts_of
 from taichi_disk.experiments.config.sections import VideoSection
 from taichi_disk.mechanics.fields import QUANTITIES, Triangles
 from taichi_disk.mechanics.lattice import Array
@@ -184,9 +185,13 @@ def _words(caption: Caption) -> list[str]:
 
 
 def _marks(run: Run, times: Sequence[float]) -> list[list[Any]]:
-    """Return each mark of the time line: the number of its cue, and the moment that
-    it stands for."""
-    marks = []
+    """Return each mark of the time line: the number of its cue, and the bounce or the
+    moment that it stands for."""
+    marks: list[list[Any]] = []
+    if run.scenario.falls_back:
+        for number, one in enumerate(contacts_of(run.series), 1):
+            marks.append([int(np.searchsorted(times, one.greatest)), f"{number}"])
+        return marks
     for moment in ("contact", "greatest"):
         t = time_of(moment, run)
         if times[0] < t < times[-1]:
