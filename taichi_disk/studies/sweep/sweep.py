@@ -21,11 +21,11 @@ from taichi_disk.base.errors import (
     by_kind,
     check_flags,
     did_you_mean,
+    reason,
     whole_number,
 )
 from taichi_disk.base.files import (
     prepare_output,
-    reason,
     remove,
     versions,
     write_csv,
