@@ -30,6 +30,7 @@ from taichi_disk.experiments.scenes.bounces import (
     LATER,
     NAMES,
     bounce_conflicts,
+    unfinished_bounces,
 )
 from taichi_disk.experiments.scenes.conflicts import Conflicts, gap_conflicts
 from taichi_disk.experiments.scenes.scene import DiskScene
@@ -374,12 +375,7 @@ class ImpactScenario(Scenario):
 
     def unfinished(self, columns: Columns) -> str:
         if self.falls_back:
-            return (
-                f"the disk has made {len(apexes(columns))} of"
-                f" {self.scene.impact.bounces} bounces by t ="
-                f" {columns['t'][-1]:.6g} R/c: set impact.bounces lower, or"
-                " impact.max_time higher"
-            )
+            return unfinished_bounces(columns, self.scene.impact.bounces)
         v = columns["com_vy"][-1]
         y = columns["lowest_y"][-1]
         name, damped = self.scene.material.dashpots
