@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from disk_modes import YOUNG as YOUNG_OF_FINE_LATTICES
-from disk_modes import Disk
+from disk_modes import YOUNG as YOUNG_OF_FINE_LATTICES, Disk
 from quasistatic import quasistatic_impact
 
 from taichi_disk.experiments.scenes.compression import (

@@ -10,22 +10,41 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from taichi_disk.mechanics.integrators import VELOCITY_VERLET, Integrator
-    from taichi_disk.mechanics.lattice import Array, Lattice
-    from taichi_disk.mechanics.physics import BodyForce, ExponentialWall, Model, Springs
-    from taichi_disk.mechanics.simulation.simulation import Simulation
+    from taichi_disk.mechanics.integrators import (
+        VELOCITY_VERLET as VELOCITY_VERLET,
+        Integrator as Integrator,
+    )
+    from taichi_disk.mechanics.lattice import (
+        Array as Array,
+        Lattice as Lattice,
+    )
+    from taichi_disk.mechanics.physics import (
+        BodyForce as BodyForce,
+        ExponentialWall as ExponentialWall,
+        Model as Model,
+        Springs as Springs,
+    )
+    from taichi_disk.mechanics.simulation.simulation import Simulation as Simulation
 
-_NAMES = {
-    "integrators": ("VELOCITY_VERLET", "Integrator"),
-    "lattice": ("Array", "Lattice"),
-    "physics": ("BodyForce", "ExponentialWall", "Model", "Springs"),
-    "simulation.simulation": ("Simulation",),
+_MODULES = {
+    "VELOCITY_VERLET": "integrators",
+    "Integrator": "integrators",
+    "Array": "lattice",
+    "Lattice": "lattice",
+    "BodyForce": "physics",
+    "ExponentialWall": "physics",
+    "Model": "physics",
+    "Springs": "physics",
+    "Simulation": "simulation.simulation",
 }
+
+
+def __dir__() -> list[str]:
+    return list(_MODULES)
 
 
 def __getattr__(name: str) -> Any:
     # on first use, because a scene file is checked without Taichi and SciPy
-    for module, names in _NAMES.items():
-        if name in names:
-            return getattr(import_module(f"{__name__}.{module}"), name)
+    if name in _MODULES:
+        return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -212,7 +212,8 @@ def run_figure(scene: PlotScene, headline: str) -> Plot:
     title = "\n".join(lines).replace("\u00a0", " ").strip()
     size = min(9.5, TITLE_HEIGHT / len(title.splitlines()))
     with matplotlib_style(STYLE):
-        # a figure draws its title last in any case
+        # The plot is drawn already. A title on top of it gives the same pixels, because
+        # a figure draws its title last.
         figure.draw_artist(
             figure.suptitle(title, y=0.99, fontsize=size, fontweight="bold")
         )

@@ -44,8 +44,8 @@ MAX_NUMBER = 1e7  # limit of a number in it
 # most commands that wait for the next picture; of some, only the latest counts
 _MAX_PENDING = 64
 # A page's commands and their values, by the part of `Session` that has a method of the
-# same name. Those of the page itself tell that it has drawn a state, ask whether the
-# program is there, or want a film.
+# same name. By those of `page`, it says that it has drawn a state, asks whether the
+# program is there, or wants a film.
 _METHODS = {
     "controls": "press key, play number, set key value, collect, outline path",
     "sandbox": "scrub t, turn angle final, aim dx dy, throw, pull x y, release, clear,"

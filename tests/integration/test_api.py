@@ -13,7 +13,15 @@ import pytest
 from programs import contents, printed_by, python, summary_in
 
 import taichi_disk
-from taichi_disk import Lattice, Result, load_scene, load_sweep, run, run_sweep
+from taichi_disk import (
+    Lattice,
+    Result,
+    load_scene,
+    load_sweep,
+    mechanics,
+    run,
+    run_sweep,
+)
 from taichi_disk.base.errors import InputError
 from taichi_disk.base.machine import cores
 from taichi_disk.experiments.computation.diagnostics import BlowUp
@@ -38,6 +46,8 @@ def test_everything_in_all_is_there():
     for name in taichi_disk.__all__:
         assert getattr(taichi_disk, name) is not None
     assert sorted(taichi_disk.__all__) == dir(taichi_disk)
+    assert "Simulation" in dir(mechanics)
+    assert all(getattr(mechanics, name) for name in dir(mechanics))
 
 
 def test_a_scene_is_loaded_from_a_name_a_file_text_and_a_mapping(tmp_path):

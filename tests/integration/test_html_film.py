@@ -477,7 +477,10 @@ def test_a_throw_is_its_address_which_is_written_when_it_is_made(browser, thrown
     verdict = f"e = {e:.3f}, too slow: less viscosity, or a slower throw"
     assert browser.text("verdict") == verdict
     browser.script(MOVE, 0)
+    browser.script(CHOOSE, "eta", 0.0)  # of a throw that is not made
+    browser.script(MOVE, 20)
     assert browser.text("verdict") == verdict  # until the next throw
+    browser.script(CHOOSE, "eta", 40.0)
     name = browser.script("return document.querySelector('canvas').ariaLabel")
     assert "η* = 40" in name and "η* = 40" in title_of(browser)
     browser.script(CHOOSE, "v", np.log(0.02))
@@ -581,7 +584,17 @@ def test_the_task_is_in_the_file_and_a_button_clears_it(browser, tmp_path):
     browser.click("throw")
     browser.wait(lambda: browser.script(HERE) == "#v=0.05&eta=10&goal=none")
     assert numbers_in(browser)[2] == ""
+    browser.script("location.hash = '#v=0.1&eta=100&goal=0.01'")
+    browser.wait(lambda: "v = 0.1 c" in title_of(browser))
+    browser.script(MOVE, 20)
+    assert browser.text("verdict").endswith("too fast: the sliders go no further")
+    browser.script("location.hash = '#goal=none'")
+    browser.wait(lambda: numbers_in(browser)[2] == "")
     browser.click("task")
+    assert numbers_in(browser)[2] == "80"
+    browser.script(CHOOSE, "share", "9O")
+    told = "“9O” is no goal: write a number from 0 to 100."
+    assert browser.text("told") == told
     assert numbers_in(browser)[2] == "80"
     browser.script(CHOOSE, "share", "75 %")
     browser.click("throw")
@@ -609,7 +622,9 @@ def test_a_long_throw_is_stopped_or_replaced_and_the_film_shows_the_old_one(
     )
     assert waited[0] < 100.0 and waited[1] is None
     assert browser.text("throw") == "Throw"
+    assert browser.text("told") == "Stopped: Throw begins again."
     browser.click("throw")
+    assert browser.text("told") == ""
     browser.wait(lambda: browser.script(is_busy))
     browser.type("v", "0.1")
     browser.click("throw")  # a new throw ends the old one
@@ -617,6 +632,12 @@ def test_a_long_throw_is_stopped_or_replaced_and_the_film_shows_the_old_one(
     browser.wait(lambda: not browser.script(is_busy))
     assert browser.script(HERE) == "#v=0.1&eta=100"
     assert browser.errors() == []
+
+
+def test_a_throw_needs_no_timer_which_is_held_back_in_a_hidden_page(browser, thrown):
+    throw_at(browser, thrown)
+    browser.script("window.setTimeout = () => {}; location.hash = '#v=0.02&eta=40'")
+    browser.wait(lambda: "η* = 40" in title_of(browser))
 
 
 PASTE = """

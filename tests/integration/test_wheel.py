@@ -2,9 +2,11 @@
 checkout, they do the main job."""
 
 import os
+import shutil
 import subprocess
 import tarfile
 import venv
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -39,6 +41,21 @@ def test_the_source_has_all_that_a_reader_needs(built):
         ".ci/test",
         "mkdocs.yml",
     } <= names
+
+
+def test_a_wheel_from_a_clone_that_was_updated_has_no_old_module(tmp_path):
+    clone = tmp_path / "clone"
+    left_out = shutil.ignore_patterns(".*", "build", "docs", "tests")
+    shutil.copytree(ROOT, clone, ignore=left_out)
+    old = clone / "build/lib/taichi_disk/physics/__init__.py"
+    old.parent.mkdir(parents=True)
+    old.touch()
+    pip = ("-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", tmp_path)
+    printed_by(*pip, clone)
+    with zipfile.ZipFile(next(tmp_path.glob("*.whl"))) as wheel:
+        names = wheel.namelist()
+    assert "taichi_disk/mechanics/physics/__init__.py" in names
+    assert "taichi_disk/physics/__init__.py" not in names
 
 
 def test_the_wheel_runs_an_impact_with_film_in_an_empty_environment(built, tmp_path):

@@ -96,6 +96,7 @@ def test_each_bounce_is_that_of_an_independent_solver(kernels, seed, bounces):
     assert parts.max() > 0.02
 
 
+@LONG
 def test_weak_gravity_changes_the_first_bounce_in_proportion(kernels):
     _, plain = computed(kernels, *DISK)
     gravities = np.array([4e-4, 2e-4, 1e-4])
@@ -120,11 +121,11 @@ def test_bounces_repeat_bitwise_and_go_on_as_further_ones(kernels, bounced):
 
 
 def test_a_disk_bounces_on_a_wall_that_swallows_waves(kernels):
-    keys = ("lattice.points=40", "wall.points=60", "wall.width=3.0", "impact.bounces=3")
+    keys = ("lattice.points=40", "wall.points=60", "wall.width=3.0", "impact.bounces=2")
     speed = ("impact.velocity=0.05", "impact.gravity=2e-3")
     _, outcome = computed(kernels, "absorbing_wall", *keys, *speed)
     e = restitutions(outcome)
-    assert len(e) == 3
+    assert len(e) == 2
     assert ((e > 0.2) & (e < 1.0)).all()
 
 

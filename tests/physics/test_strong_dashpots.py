@@ -8,8 +8,7 @@ from reference import Model
 
 from taichi_disk.mechanics.integrators import TRAPEZOIDAL
 from taichi_disk.mechanics.lattice import Lattice
-from taichi_disk.mechanics.physics import Model as Laws
-from taichi_disk.mechanics.physics import Springs
+from taichi_disk.mechanics.physics import Model as Laws, Springs
 
 LONG = pytest.mark.validate
 

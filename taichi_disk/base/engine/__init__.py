@@ -21,7 +21,9 @@ from taichi_disk.base.errors import TaichiDiskError
 from taichi_disk.base.machine import foreign_packages
 
 if TYPE_CHECKING:
-    import taichi as ti  # noqa: F401 (`__getattr__` returns it)
+    import taichi as _taichi
+
+    ti = _taichi
 
 NAME = next((name for name in ("taichi", "taichi_forge") if find_spec(name)), "taichi")
 PACKAGE = NAME.replace("_", "-")

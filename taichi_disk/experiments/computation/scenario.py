@@ -9,9 +9,9 @@ from math import inf
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from taichi_disk.base.progress import Progress, silent
-from taichi_disk.experiments.computation.words import Lines, Numbers, Words
-from taichi_disk.mechanics.lattice import Array, Lattice, OwnStart
-from taichi_disk.mechanics.simulation.observables import Columns
+from taichi_disk.experiments.computation.words import Lines, Numbers, Words as Words
+from taichi_disk.mechanics.lattice import Array as Array, Lattice, OwnStart
+from taichi_disk.mechanics.simulation.observables import Columns as Columns
 
 if TYPE_CHECKING:  # scene files are checked without Taichi
     from taichi_disk.mechanics.physics import Model

@@ -9,8 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, TypeAlias, get_args
 
-from taichi_disk.experiments.config.tree import Source, read_tree
-from taichi_disk.experiments.config.tree import shipped_scenes as shipped_scenes
+from taichi_disk.experiments.config.tree import (
+    Source,
+    read_tree,
+    shipped_scenes as shipped_scenes,
+)
 from taichi_disk.experiments.scenes.absorbing_wall import AbsorbingWallScene
 from taichi_disk.experiments.scenes.compression import CompressionScene
 from taichi_disk.experiments.scenes.exponential_wall import ExponentialWallScene

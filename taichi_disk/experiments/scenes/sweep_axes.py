@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from math import prod
 from typing import Any, NamedTuple
 
-from taichi_disk.base.errors import did_you_mean
-from taichi_disk.experiments.config.tree import Entry, Keys, Tree, printable
+from taichi_disk.base.errors import did_you_mean, printable
+from taichi_disk.experiments.config.tree import Entry, Keys, Tree
 from taichi_disk.experiments.config.words import resolve_synonym
 from taichi_disk.experiments.scenes.scene import (
     DiskScene,

@@ -187,8 +187,8 @@ def _words(caption: Caption) -> list[str]:
 
 
 def _marks(run: Run, times: Sequence[float]) -> list[list[Any]]:
-    """Return the numbers of the cues at which a time line has a mark, and what it
-    stands for."""
+    """Return each mark of the time line: the number of its cue, and the bounce or the
+    moment that it stands for."""
     marks: list[list[Any]] = []
     if run.scenario.falls_back:
         for number, one in enumerate(contacts_of(run.series), 1):

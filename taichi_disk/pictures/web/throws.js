@@ -44,12 +44,13 @@ function readAddress(address) {
 }
 
 // Attributes: rows, of all throws; goal: part of its speed with which the disk is to come back, or 0;
-// e: of the throw that the film shows, once it has shown it.
+// shown: numbers of the throw that the film shows; e: of this throw, once the film has shown it.
 export class Throws {
   // `take` is called with each throw, which the film then shows
   constructor(ui, film, scene, take) {
     const { sliders, velocity: v, eta_star: eta, goal } = film.again;
     Object.assign(this, { ui, film, take, disk: diskOf(film.again, scene), own: { v, eta, goal: Number(goal) || 0 } });
+    this.shown = this.own;
     this.tell = (text) => (ui.told.textContent = text);
     this.place = `taichi-disk throws ${ui.states.textContent.slice(-12)}`; // of this film's in the store
     this.rows = JSON.parse(store[this.place] ?? "[]");
@@ -62,10 +63,17 @@ export class Throws {
     ui.throws.hidden = ui.list.hidden = false;
     document.querySelector("main").classList.add("throws");
     ui.throw.onclick = () => this.throw(true);
-    ui.stop.onclick = () => this.end();
+    ui.stop.onclick = () => {
+      this.end();
+      this.tell("Stopped: Throw begins again.");
+    };
     ui.link.onclick = () => this.copyLink();
     ui.task.onclick = () => this.set(this.goal ? 0 : this.own.goal || USUAL_GOAL);
-    ui.share.onchange = () => this.set(readNumber(ui.share.value.replace("%", "")) / 100);
+    ui.share.onchange = () => {
+      const text = ui.share.value;
+      const fault = this.set(readNumber(text.replace("%", "")) / 100);
+      if (fault) this.tell(`“${text.slice(0, 40)}” is no goal: write a number from 0 to 100.`);
+    };
     ui.copy.onclick = () => copy(asText(ui.table, "\t"), this.tell, "Copied: paste it into a table.");
     ui.addresses.onchange = () => this.collect();
     ui.table.onclick = ({ target }) => {
@@ -149,6 +157,7 @@ export class Throws {
   async thrown({ v, eta }) {
     const job = (this.job = {});
     const steps = throwing(this.disk, v, eta);
+    const { port1, port2 } = new MessageChannel(); // a timer is held back while the page is hidden
     const began = performance.now();
     let [next, duration] = [{}, 0];
     while (!next.done) {
@@ -156,7 +165,10 @@ export class Throws {
       while (!next.done && performance.now() < start + SLICE) next = steps.next();
       duration += performance.now() - start;
       if (!next.done && performance.now() > began + PATIENCE) this.show(next.value);
-      await new Promise((done) => setTimeout(done));
+      await new Promise((done) => {
+        port1.onmessage = done;
+        port2.postMessage(null);
+      });
       if (this.job !== job) return null;
     }
     this.end();
@@ -171,8 +183,10 @@ export class Throws {
   // Throw the disk. `isNew`: the address shall say so; in some frames it cannot.
   async throw(isNew) {
     const { ui, wanted, link } = this;
+    this.tell("");
     const one = await this.thrown(wanted);
     if (!one) return;
+    this.shown = wanted;
     this.judge(0);
     this.take(one);
     const { flight, folded, duration } = one;
@@ -185,12 +199,12 @@ export class Throws {
   // Show e, when the film does, and how near it comes to the task. Both stay until the next throw.
   judge(e = this.e) {
     this.e = e;
-    const { goal, ui, wanted, numbers } = this;
+    const { goal, ui, shown, numbers } = this;
     const [speed, viscosity] = numbers;
     const stars = STARS.find(([most]) => Math.abs(e - goal) < most)?.[1] ?? "";
-    const more = [wanted.eta < viscosity.high && "more viscosity", wanted.v < speed.high && "a faster throw"];
-    const less = [wanted.eta > viscosity.low && "less viscosity", wanted.v > speed.low && "a slower throw"];
-    const ways = (e > goal ? more : less).filter(Boolean).join(", or ");
+    const more = [shown.eta < viscosity.high && "more viscosity", shown.v < speed.high && "a faster throw"];
+    const less = [shown.eta > viscosity.low && "less viscosity", shown.v > speed.low && "a slower throw"];
+    const ways = (e > goal ? more : less).filter(Boolean).join(", or ") || "the sliders go no further";
     const advice = stars === EXACT ? ": exactly!" : `, too ${e > goal ? "fast" : "slow"}: ${ways}`;
     const result = e ? `e = ${e.toFixed(3)}` : "";
     const text = goal && e ? stars + result + advice : result;

@@ -228,8 +228,8 @@ class Work:
         export: str | None = None,
     ) -> None:
         """Add trajectory, film and curves, which `artist` draws, to the numbers of a
-        run, and tell summary.json what is missing. The failure of one takes no other
-        along."""
+        run, and tell summary.json what is missing. If one fails, the others are still
+        made."""
         path = folder.path
         summary = outcome.summary
         quoted = headline(summary, outcome.scenario.words.labels)

@@ -251,9 +251,9 @@ def analyse(
     x = x or names.get(base.abscissa) or _first_axis(axes)
     diagram = Diagram(base, axes[x], y, [])
     seed = names.get(SEED, "")  # no column if it is not swept
-    others = [name for name in axes if name not in (x, seed)]
     if x == seed:
         seed = ""
+    others = [name for name in axes if name not in (x, seed)]
     results = [y]
     if diagram.is_of_laws:
         results = list(base.results)
@@ -263,6 +263,8 @@ def analyse(
             groups.setdefault(tuple(row[name] for name in others), []).append(row)
     for values, members in groups.items():
         label = dict(zip(others, values, strict=True))
+        # Laws are fitted to disks that have not folded, and where all lattices have a
+        # result. If all disks have folded, the curve shows them without a fit.
         sound = members
         if diagram.is_of_laws:
             sound = _sound(members, x)
@@ -280,7 +282,7 @@ def analyse(
             young=young,
             poisson=poisson,
             is_damped=_is_damped(base, axes, label),
-            folded=len([row for row in members if _is_folded(row)]),
+            folded=sum(map(_is_folded, members)),
         )
         if diagram.is_of_laws and sound:
             curve = replace(curve, fits=_fits(base, curve))

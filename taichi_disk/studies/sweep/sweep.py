@@ -21,12 +21,12 @@ from taichi_disk.base.errors import (
     by_kind,
     check_flags,
     did_you_mean,
+    reason,
     whole_number,
 )
 from taichi_disk.base.files import (
     Summary,
     prepare_output,
-    reason,
     remove,
     versions,
     write_csv,

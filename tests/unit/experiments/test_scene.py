@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 import yaml
 from bodies import words
-from hypothesis import given, reject, settings
-from hypothesis import strategies as st
+from hypothesis import given, reject, settings, strategies as st
 
 from taichi_disk.base.errors import InputError
 from taichi_disk.experiments.scenes import (

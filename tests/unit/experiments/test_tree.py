@@ -5,8 +5,7 @@ import difflib
 import re
 
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 
 from taichi_disk.base.errors import InputError, printable
 from taichi_disk.experiments.scenes import SCENES, load_any, load_scene

@@ -6,8 +6,7 @@ import hashlib
 import numpy as np
 import pytest
 from bodies import assert_tiles, hexagon, holes_of
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 from scipy.spatial.distance import pdist
 
 from taichi_disk.base.errors import InputError, SimulationError

@@ -5,7 +5,9 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 from importlib.util import find_spec
+from types import SimpleNamespace
 
 import meshio
 import numpy as np
@@ -15,6 +17,14 @@ from taichi_disk.base.errors import InputError
 from taichi_disk.mechanics.lattice import Lattice, meshes
 
 DISK = Lattice.disk(60, seed=3)
+
+
+@pytest.fixture
+def here(monkeypatch):
+    """Read meshes in this process, because another one takes a while to start."""
+    pool = nullcontext(SimpleNamespace(submit=lambda read, path: read(path)))
+    monkeypatch.setattr(meshes, "Pool", lambda *_, **__: pool)
+    monkeypatch.setattr(meshes, "result_of", lambda mesh, _: mesh)
 
 
 def solid(points):
@@ -39,6 +49,7 @@ FORMATS = {
 }
 
 
+@pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("name", FORMATS)
 def test_the_triangles_of_a_mesh_become_a_disk(tmp_path, name):
     path = tmp_path / name
@@ -52,6 +63,7 @@ def test_the_triangles_of_a_mesh_become_a_disk(tmp_path, name):
     assert disk.positions == pytest.approx(DISK.positions, abs=1e-7)
 
 
+@pytest.mark.usefixtures("here")
 @pytest.mark.parametrize(
     ("axes", "note"), [((0, 1), ()), ((0, 2), ("x and z",)), ((1, 2), ("y and z",))]
 )
@@ -94,6 +106,7 @@ FLAT = solid(DISK.positions)
 TWICE = np.append(DISK.triangles, DISK.triangles[4:5], axis=0)
 
 
+@pytest.mark.usefixtures("here")
 @pytest.mark.parametrize(
     ("points", "cells", "message"),
     [
@@ -165,6 +178,7 @@ def test_a_file_that_meshio_cannot_read_is_answered_with_what_helps(
         Lattice.read(tmp_path / name)
 
 
+@pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("name", ["a.msh", "a.vtu", "a.inp", "a.dat"])
 @pytest.mark.parametrize("content", [b"", b"nonsense\n", b"\x00\xff" * 100])
 def test_a_damaged_mesh_is_refused_and_nothing_printed(tmp_path, capfd, name, content):

@@ -31,8 +31,13 @@ from taichi_disk.mechanics.physics import Springs
 from taichi_disk.mechanics.simulation.observables import COLUMNS
 from taichi_disk.pictures.panel import PanelPictures, draw_panel
 from taichi_disk.pictures.plot import plot_scene, run_figure
-from taichi_disk.pictures.render import film, finisher, pictures, words
-from taichi_disk.pictures.render import painter as painting
+from taichi_disk.pictures.render import (
+    film,
+    finisher,
+    painter as painting,
+    pictures,
+    words,
+)
 from taichi_disk.pictures.render.artist import Artist
 from taichi_disk.pictures.render.geometry import Camera
 from taichi_disk.pictures.render.letters import LEAST, Face, Letters

@@ -8,8 +8,7 @@ from functools import wraps
 import numpy as np
 import pytest
 
-from taichi_disk.sandbox import page as pages
-from taichi_disk.sandbox import server
+from taichi_disk.sandbox import page as pages, server
 from taichi_disk.sandbox.page import Page
 from taichi_disk.sandbox.server import KEPT, Sessions
 

@@ -431,9 +431,8 @@ def test_a_disk_under_gravity_goes_on_bouncing_after_its_result(kernels):
         sandbox.advance(0.237)
     assert sandbox.results[0].value == e
     assert not sandbox.paused
-    for _ in range(200):
-        sandbox.advance(1.0)
-    assert sandbox.time.segment.now > 3.0 * outcome.series["t"][-1]
+    while sandbox.time.segment.now < 1.5 * outcome.series["t"][-1]:
+        assert sandbox.advance(1.0)
     assert sandbox.status == "same as taichi-disk run"
     # Sent down from above it is faster at the wall than the scene's speed.
     sandbox.hit_again()
