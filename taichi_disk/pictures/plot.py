@@ -21,7 +21,7 @@ import numpy as np
 from taichi_disk.base.files import atomic_write
 from taichi_disk.base.processes.early import picture_of
 from taichi_disk.experiments.computation.contact import Contact
-from taichi_disk.experiments.computation.words import Words
+from taichi_disk.experiments.computation.words import Numbers, Words
 from taichi_disk.experiments.scenes.scene import origin
 from taichi_disk.mechanics.simulation.observables import Columns
 from taichi_disk.pictures.curves import ENERGIES, FORCE, LOOKS, MOTION, Look
@@ -160,12 +160,12 @@ class PlotScene:
     """
 
     words: Words
-    numbers: dict[str, float]
+    numbers: Numbers
     columns: Columns
     contact: Contact
     curves: list[TimeCurve]
     quality: Array
-    laws: dict[str, Array]
+    laws: Columns
     static: bool
     origin: str
 

@@ -25,6 +25,7 @@ from taichi_disk.experiments.computation.scenario import (
     signed,
     time_text,
 )
+from taichi_disk.experiments.computation.words import Lines, Numbers
 from taichi_disk.experiments.scenes import oblique
 from taichi_disk.experiments.scenes.bounces import (
     LATER,
@@ -411,7 +412,7 @@ class ImpactScenario(Scenario):
         # the two energies.
         return float(np.sqrt(self.reference_energy / self.kinetic))
 
-    def result(self, columns: Columns) -> dict[str, float]:
+    def result(self, columns: Columns) -> Numbers:
         contact = Contact(columns)
         found = dict(zip(NAMES, self.restitutions(columns), strict=False))
         found["contact_time"] = contact.end - contact.start
@@ -422,7 +423,7 @@ class ImpactScenario(Scenario):
                 del found["tangential_impulse"]  # 0, but for rounding errors
         return found
 
-    def result_scales(self, columns: Columns) -> dict[str, float]:
+    def result_scales(self, columns: Columns) -> Numbers:
         scales = {"restitution": 1.0, "contact_time": 0.0}
         scales |= dict.fromkeys(LATER, 1.0)
         if self.scene.is_oblique:
@@ -490,7 +491,7 @@ class ImpactScenario(Scenario):
             truncation_remedy="a larger impact.gap ends it farther from the wall",
         )
 
-    def _title(self) -> tuple[str, ...]:
+    def _title(self) -> Lines:
         heading = self.scene.heading
         if self.scene.impact.spin:
             heading = "Impact with spin"
@@ -518,7 +519,7 @@ class ImpactScenario(Scenario):
             numbers["start"] = "own velocities"
         return numbers
 
-    def caption(self, row: dict[str, float]) -> tuple[str, ...]:
+    def caption(self, row: Numbers) -> Lines:
         time = time_text(row["t"])
         if not self.scene.is_oblique:
             return time, f"{signed(row['com_vy'] / self.velocity)} v"
