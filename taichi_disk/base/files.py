@@ -28,6 +28,7 @@ from taichi_disk.base.machine import processor
 from taichi_disk.base.text_files import read_text
 from taichi_disk.version import __version__
 
+Summary = dict[str, Any]  # contents of summary.json
 MARK = "summary.json"  # of a folder that holds a run
 # after these errors a copy would fail, too
 NO_ROOM = (errno.EACCES, errno.ENOSPC, errno.EROFS)
@@ -194,7 +195,7 @@ def listed(folder: Path) -> list[str]:
     ]
 
 
-def read_summary(folder: Path) -> dict[str, Any]:
+def read_summary(folder: Path) -> Summary:
     """Return the contents of summary.json, or {} if it is missing or damaged."""
     try:
         summary = json.loads(read_text(folder / "summary.json"))
@@ -222,7 +223,7 @@ def write_text(path: Path, text: str) -> None:
     atomic_write(path, lambda new: new.write_bytes(text.encode("utf-8")))
 
 
-def write_summary(path: Path, summary: dict[str, Any]) -> None:
+def write_summary(path: Path, summary: Summary) -> None:
     """Write summary.json; raises ValueError for NaN, which JSON lacks."""
     write_text(path, json.dumps(summary, indent=2, allow_nan=False) + "\n")
 

@@ -162,5 +162,6 @@ class _Bars(Silence):
     def rest(self) -> None:
         with suppress(OSError):
             self.progress.stop()
-        # the old bars would remove the lines above them, which are others now
+        # The old bars would remove the lines above them, which the user has printed
+        # meanwhile.
         self._begin()

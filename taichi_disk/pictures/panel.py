@@ -124,7 +124,7 @@ def _rows_of_names(scene: PanelScene) -> int:
     names = [curve.name for curve in scene.curves if curve.name]
     width, _ = scene.size
     room = width / scene.letter - _LEFT - _RIGHT
-    # long names together take the room of one more
+    # each row leaves the room of one name, because some names are longer
     return math.ceil(len(names) / max(int(room / _NAME) - 1, 1))
 
 

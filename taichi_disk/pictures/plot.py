@@ -21,7 +21,7 @@ import numpy as np
 from taichi_disk.base.files import atomic_write
 from taichi_disk.base.processes.early import picture_of
 from taichi_disk.experiments.computation.contact import Contact
-from taichi_disk.experiments.computation.words import Words
+from taichi_disk.experiments.computation.words import Numbers, Words
 from taichi_disk.experiments.scenes.scene import origin
 from taichi_disk.mechanics.simulation.observables import Columns
 from taichi_disk.pictures.curves import ENERGIES, FORCE, LOOKS, MOTION, Look
@@ -160,12 +160,12 @@ class PlotScene:
     """
 
     words: Words
-    numbers: dict[str, float]
+    numbers: Numbers
     columns: Columns
     contact: Contact
     curves: list[TimeCurve]
     quality: Array
-    laws: dict[str, Array]
+    laws: Columns
     static: bool
     origin: str
 
@@ -212,7 +212,8 @@ def run_figure(scene: PlotScene, headline: str) -> Plot:
     title = "\n".join(lines).replace("\u00a0", " ").strip()
     size = min(9.5, TITLE_HEIGHT / len(title.splitlines()))
     with matplotlib_style(STYLE):
-        # a figure draws its title last in any case
+        # The plot is drawn already. A title on top of it gives the same pixels, because
+        # a figure draws its title last.
         figure.draw_artist(
             figure.suptitle(title, y=0.99, fontsize=size, fontweight="bold")
         )

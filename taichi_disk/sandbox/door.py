@@ -68,6 +68,7 @@ def _file(connection: ServerConnection, name: str) -> Response:
     if not kind or name not in names:
         return connection.respond(404, "There is no such file.")
     response = connection.respond(200, source(name))
+    # an assignment alone adds a second header
     del response.headers["Content-Type"]
     response.headers["Content-Type"] = f"text/{kind}; charset=utf-8"
     response.headers.update(_HEADERS)

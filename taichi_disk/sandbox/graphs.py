@@ -14,6 +14,7 @@ from taichi_disk.mechanics.lattice import Array
 from taichi_disk.mechanics.simulation.observables import INDEX, of_kind, split
 from taichi_disk.pictures.curves import LOOKS
 from taichi_disk.pictures.render.palette import full_scale, round_near
+from taichi_disk.pictures.web.drawing import Message
 from taichi_disk.sandbox.history import LOSSES, Segment, Timeline
 from taichi_disk.sandbox.sandbox import Sandbox, load_key, value_of
 
@@ -28,7 +29,7 @@ CURVES = [
 ]
 
 
-def graphs(time: Timeline) -> dict[str, Any]:
+def graphs(time: Timeline) -> Message:
     """Return times since the hit on display began [R/c] and the values of CURVES, at
     most MAX_CURVE_POINTS of each."""
     inertia = time.start.body.inertia

@@ -380,8 +380,8 @@ class Sandbox:
             self._go(self.time.due, inf)
 
     def _look_at(self, t: float, later: int = 0) -> bool:
-        """Pause and show a state as `Timeline.look_at` does, but not while the scene is
-        computed again."""
+        """Pause, and show a state and return as `Timeline.look_at` does. While the
+        scene is computed again, only end a pull and return True."""
         self.release()
         if self.time.lead > 0.0:
             return True

@@ -139,7 +139,7 @@ async def run(sessions: Sessions, token: str, listening: socket.socket) -> None:
     finally:
         compiling.cancel()
         serving.close()
-        # Connections that have asked for nothing yet would be waited for.
+        # `wait_closed` also waits for connections that have asked for nothing yet.
         closed = asyncio.ensure_future(serving.wait_closed())
         await asyncio.wait([closed], timeout=2.0 * _CLOSE_TIME)
 

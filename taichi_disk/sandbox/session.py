@@ -22,6 +22,7 @@ from taichi_disk.mechanics.lattice import OwnStart, outline_name
 from taichi_disk.mechanics.simulation.observables import INDEX
 from taichi_disk.mechanics.simulation.simulation import KernelCache
 from taichi_disk.pictures.web.drawing import (
+    Message,
     colour_values,
     contact_forces,
     scene_message,
@@ -43,8 +44,8 @@ MAX_NUMBER = 1e7  # limit of a number in it
 # most commands that wait for the next picture; of some, only the latest counts
 _MAX_PENDING = 64
 # A page's commands and their values, by the part of `Session` that has a method of the
-# same name. Those of the page itself tell that it has drawn a state, ask whether the
-# program is there, or want a film.
+# same name. By those of `page`, it says that it has drawn a state, asks whether the
+# program is there, or wants a film.
 _METHODS = {
     "controls": "press key, play number, set key value, collect, outline path",
     "sandbox": "scrub t, turn angle final, aim dx dy, throw, pull x y, release, clear,"
@@ -64,7 +65,7 @@ LARGE_LATTICE = 5000
 PAST_HINT = "earlier state: Go on continues from here"
 
 
-def read_command(text: Any) -> dict[str, Any] | None:
+def read_command(text: Any) -> Message | None:
     """Return a page's message as {"do": …} with the values of that command, or None if
     no page sends the message."""
     try:
@@ -107,7 +108,7 @@ class Session:
         self.number = 0
         self.news = asyncio.Event()
         self._command_count = 0
-        self._pending: dict[Any, dict[str, Any]] = {}
+        self._pending: dict[Any, Message] = {}
         # what the last text of a kind depends on
         self._keys: dict[str, Any] = {}
         hello = {
@@ -118,12 +119,12 @@ class Session:
             "keys": self.controls.reference,
             "repeating": REPEATING_KEYS,
         }
-        self.messages: dict[str, Any] = {"hello": json.dumps(hello)}
+        self.messages: Message = {"hello": json.dumps(hello)}
         self.advance()
 
     # ---- commands
 
-    def hear(self, message: dict[str, Any]) -> None:
+    def hear(self, message: Message) -> None:
         """Keep a command, as `read_command` returns it, until the next picture."""
         self._command_count += 1
         key = (
@@ -237,16 +238,14 @@ class Session:
             is_past,
         )
 
-    def _write(
-        self, kind: str, key: Any, content: Callable[[], dict[str, Any]]
-    ) -> None:
+    def _write(self, kind: str, key: Any, content: Callable[[], Message]) -> None:
         """Write a JSON message if `key`, on which its content depends, has changed."""
         if self._keys.get(kind) != key:
             # in ASCII: names of files may hold what is no Unicode
             self.messages[kind] = json.dumps({"kind": kind} | content())
             self._keys[kind] = key
 
-    def _scene(self) -> dict[str, Any]:
+    def _scene(self) -> Message:
         scenario = self.sandbox.time.display.segment.scenario
         self._triangles = Triangles(scenario.lattice)
         video = self.sandbox.scene.video
@@ -310,7 +309,7 @@ class Session:
             clock = f"{clock}, displacements × {magnify:g}"
         return "\n".join([clock, *motion])
 
-    def _panel(self) -> dict[str, Any]:
+    def _panel(self) -> Message:
         sandbox = self.sandbox
         controls = self.controls
         entry = controls.playlist[controls.number]
@@ -348,7 +347,7 @@ class Session:
             return 1.0
         return round(time.segment.now / time.display.t, 2)
 
-    def _sliders(self) -> list[dict[str, Any]]:
+    def _sliders(self) -> list[Message]:
         """Return the sliders of the scene.
 
         `live`: whether the number changes while its slider is dragged. A change that
@@ -365,7 +364,7 @@ class Session:
             sliders.append({"key": key, "value": value, "live": live} | one._asdict())
         return sliders
 
-    def _choices(self) -> list[dict[str, Any]]:
+    def _choices(self) -> list[Message]:
         """Return the choices of the present scene."""
         choices = []
         for key, (name, _) in CHOICES.items():
@@ -389,10 +388,10 @@ _SKETCHED = (
 
 
 @cache
-def _card(entry: Preset) -> dict[str, Any]:
+def _card(entry: Preset) -> Message:
     """Return what the page's list shows of a scene; the numbers of its first state, for
     a small picture, only if the scene is one of the program's."""
-    card: dict[str, Any] = {
+    card: Message = {
         "name": entry.name,
         "question": entry.question,
         "group": entry.group,

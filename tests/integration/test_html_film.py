@@ -511,6 +511,10 @@ def test_the_task_is_in_the_file_and_a_button_clears_it(browser, tmp_path):
     browser.wait(lambda: numbers_in(browser)[2] == "")
     browser.click("task")
     assert numbers_in(browser)[2] == "80"
+    browser.script(CHOOSE, "share", "9O")
+    told = "“9O” is no goal: write a number from 0 to 100."
+    assert browser.text("told") == told
+    assert numbers_in(browser)[2] == "80"
     browser.script(CHOOSE, "share", "75 %")
     browser.click("throw")
     browser.wait(lambda: browser.script(HERE) == "#v=0.05&eta=10&goal=0.75")

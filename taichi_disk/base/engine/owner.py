@@ -22,7 +22,7 @@ from taichi_disk.base.errors import TaichiDiskError
 T = TypeVar("T")
 # the program that `start` has made; the user may make others
 _program: Any = None
-# the process whose thread of this module has made it; 0: its main thread has
+# the process in which this module's thread has made it; 0: a main thread has made it
 _process = 0
 # whether the user has made fields since `start`
 _has_user_fields = False

@@ -10,6 +10,7 @@ import numpy as np
 from taichi_disk.base.errors import SimulationError
 from taichi_disk.experiments.computation.contact import Contact, apexes
 from taichi_disk.experiments.computation.scenario import Scenario
+from taichi_disk.experiments.computation.words import Numbers
 from taichi_disk.mechanics.lattice import Array, Lattice
 from taichi_disk.mechanics.lattice.triangles import double_area
 from taichi_disk.mechanics.physics import ElasticWall
@@ -103,9 +104,7 @@ def _sliding(scenario: Scenario, columns: Columns) -> str:
     )
 
 
-def energy_gained(
-    scenario: Scenario, columns: Columns, error: float | None
-) -> dict[str, float]:
+def energy_gained(scenario: Scenario, columns: Columns, error: float | None) -> Numbers:
     """Return from where an impact with e above 1 took energy, and where it lost energy
     (negative), by name, as fractions of the energy of the flight towards the wall. They
     add up to e^2 - 1. Empty if e is not above 1 by more than
@@ -131,12 +130,12 @@ def energy_gained(
     }
 
 
-def parts_text(gained: dict[str, float]) -> str:
+def parts_text(gained: Numbers) -> str:
     parts = {name: round(part, 6) + 0.0 for name, part in gained.items()}  # no "-0"
     return ", ".join(f"{part:+.3g} from {name}" for name, part in parts.items())
 
 
-def faster_than_before(gained: dict[str, float]) -> str:
+def faster_than_before(gained: Numbers) -> str:
     """Return a warning about energy that became flight away from the wall."""
     source = max(gained, key=lambda name: gained[name])
     remedy = {

@@ -20,6 +20,7 @@ from taichi_disk.experiments.computation.driver import Driver
 from taichi_disk.experiments.computation.scenario import Scenario
 from taichi_disk.experiments.computation.stability import TimeStep
 from taichi_disk.experiments.computation.step_control import fitted
+from taichi_disk.experiments.computation.words import Numbers
 from taichi_disk.mechanics.simulation.observables import Columns, split
 
 # The constants were measured on scenes with a known result: `python -m
@@ -81,7 +82,7 @@ def richardson(dt: float, runs: list[tuple[float, float]], order: int) -> float:
     return max(errors)
 
 
-def second_run(driver: Driver, run: Callable[[TimeStep], Driver]) -> dict[str, float]:
+def second_run(driver: Driver, run: Callable[[TimeStep], Driver]) -> Numbers:
     """Return the errors of results by name: `run` the finished scene of `driver` again
     with another step and, if errors fall irregularly, with a third. Raises
     SimulationError if there is no result then."""
@@ -122,7 +123,7 @@ def _require_result(driver: Driver, other: Driver) -> None:
     raise SimulationError(text)
 
 
-def measured(scenario: Scenario, columns: Columns) -> dict[str, float]:
+def measured(scenario: Scenario, columns: Columns) -> Numbers:
     """Return all quantities of a finished scene that have an error estimate."""
     numbers = dict(scenario.result(columns))
     if scenario.is_thrown:
@@ -131,7 +132,7 @@ def measured(scenario: Scenario, columns: Columns) -> dict[str, float]:
     return numbers
 
 
-def _errors(driver: Driver, others: list[Driver], order: int) -> dict[str, float]:
+def _errors(driver: Driver, others: list[Driver], order: int) -> Numbers:
     """Return the errors of the quantities of a finished run by name. `others`: further
     runs; `order`: of the error of the primary result."""
     scenario = driver.scenario
@@ -151,7 +152,7 @@ def _errors(driver: Driver, others: list[Driver], order: int) -> dict[str, float
         scales["vibration_left"] = scenario.sensitivity
     sampling = _sampling_errors(scenario, columns)
     primary, _ = scenario.primary(columns)
-    errors: dict[str, float] = {}
+    errors: Numbers = {}
     for name, scale in scales.items():
         if not all(name in numbers for _, numbers in runs):
             continue
@@ -187,7 +188,7 @@ def _turned(driver: Driver, angle: float) -> Driver:
     return other
 
 
-def _changes_by_turns(driver: Driver) -> dict[str, float]:
+def _changes_by_turns(driver: Driver) -> Numbers:
     """Return the largest change of each quantity of a finished run if the body starts
     turned by PATH_TURN either way."""
     found = measured(driver.scenario, driver.columns)
@@ -202,7 +203,7 @@ def _changes_by_turns(driver: Driver) -> dict[str, float]:
     return changes
 
 
-def _sampling_errors(scenario: Scenario, columns: Columns) -> dict[str, float]:
+def _sampling_errors(scenario: Scenario, columns: Columns) -> Numbers:
     """Return the error of each quantity, such as a time, that is due to the distance
     between rows."""
     # It is the change if every other row is left out, or half of the change if two rows
@@ -270,7 +271,7 @@ def _order(driver: Driver) -> int:
 
 def within_tolerance(
     driver: Driver, run: Callable[[TimeStep], Driver]
-) -> tuple[Driver, dict[str, float]]:
+) -> tuple[Driver, Numbers]:
     """Halve the step of the finished `driver` until three successive results show that
     the error is within `time.tolerance`. Return the run with the shortest step, and its
     errors of results by name.

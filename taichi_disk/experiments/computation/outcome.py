@@ -20,6 +20,7 @@ from taichi_disk.experiments.computation.error_estimate import (
 from taichi_disk.experiments.computation.scenario import Scenario
 from taichi_disk.experiments.computation.stability import Spectrum, TimeStep, spectrum
 from taichi_disk.experiments.computation.step_control import StepControl
+from taichi_disk.experiments.computation.words import Numbers
 from taichi_disk.mechanics.lattice import Array, Lattice
 from taichi_disk.mechanics.physics import Model
 from taichi_disk.mechanics.simulation.observables import Columns, split
@@ -124,7 +125,7 @@ class Runs:
 
 
 def _described(
-    driver: Driver, errors: dict[str, float] | None, estimate: bool, runs: Runs
+    driver: Driver, errors: Numbers | None, estimate: bool, runs: Runs
 ) -> Outcome:
     scenario = driver.scenario
     step = driver.step

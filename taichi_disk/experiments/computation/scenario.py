@@ -9,7 +9,7 @@ from math import inf
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from taichi_disk.base.progress import Progress, silent
-from taichi_disk.experiments.computation.words import Words as Words
+from taichi_disk.experiments.computation.words import Lines, Numbers, Words as Words
 from taichi_disk.mechanics.lattice import Array as Array, Lattice, OwnStart
 from taichi_disk.mechanics.simulation.observables import Columns as Columns
 
@@ -105,11 +105,11 @@ class Scenario(ABC):
     # ---- the result
 
     @abstractmethod
-    def result(self, columns: Columns) -> dict[str, float]:
+    def result(self, columns: Columns) -> Numbers:
         """Return the results from the time series of a finished scene, the primary
         result first."""
 
-    def result_scales(self, columns: Columns) -> dict[str, float]:
+    def result_scales(self, columns: Columns) -> Numbers:
         """Return, for each result with an error estimate, the primary one first, its
         approximate error at a relative energy imbalance of 1."""
         return {self.primary(columns)[0]: 1.0}
@@ -158,7 +158,7 @@ class Scenario(ABC):
         numbers or as arrays (rows,)."""
         return row["com_vy"]
 
-    def continuum(self, columns: Columns) -> dict[str, Array]:
+    def continuum(self, columns: Columns) -> Columns:
         """Return predictions of continuum laws for `motion` by the name of the law."""
         return {}
 
@@ -168,7 +168,7 @@ class Scenario(ABC):
         lost = columns["total"] - columns["total"][0]
         return lost / self.energy_scale(columns)
 
-    def caption(self, row: dict[str, float]) -> tuple[str, ...]:
+    def caption(self, row: Numbers) -> Lines:
         """Return the changing lines of one picture of a film from its observables."""
         return (time_text(row["t"]),)
 

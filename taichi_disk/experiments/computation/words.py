@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TypeAlias
+
+Numbers: TypeAlias = dict[str, float]  # results, errors or observables by name
+Lines: TypeAlias = tuple[str, ...]  # texts, one below another
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +30,7 @@ class Words:
         truncation_remedy: advice on how to make `end_truncation_error` smaller.
     """
 
-    title: tuple[str, ...]
+    title: Lines
     symbol: str = ""
     labels: dict[str, tuple[str, str]]
     measured: dict[str, str] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""Words of papers, lectures and other programs for what a scene calls otherwise."""
+"""Other names of a scene's keys, in papers, lectures and other programs."""
 
 from __future__ import annotations
 

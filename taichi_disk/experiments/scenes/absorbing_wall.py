@@ -22,6 +22,7 @@ from taichi_disk.experiments.scenes.conflicts import (
     rounded_up,
 )
 from taichi_disk.experiments.scenes.impact import ImpactScenario, ImpactScene
+from taichi_disk.experiments.scenes.scene import Home
 from taichi_disk.mechanics.lattice import Array, Lattice, check_thickness, with_wall
 
 if TYPE_CHECKING:
@@ -94,7 +95,7 @@ class AbsorbingWallScene(ImpactScene):
             )
         return conflicts
 
-    def unused(self) -> Collection[tuple[str, str]]:
+    def unused(self) -> Collection[Home]:
         # these keys also shape the wall, whose points are random
         of_wall = ("seed", "rim", "min_spacing")
         return [key for key in super().unused() if key[1] not in of_wall]

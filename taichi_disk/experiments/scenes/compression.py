@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from taichi_disk.base.progress import Progress, silent
 from taichi_disk.experiments.computation.scenario import Array, Scenario, Words
+from taichi_disk.experiments.computation.words import Lines, Numbers
 from taichi_disk.experiments.config.sections import (
     CompressionSection,
     MaterialSection,
@@ -202,7 +203,7 @@ class Compression(Scenario):
     def reference_energy(self) -> float:
         return self.pressure**2 / self.model.springs.modulus
 
-    def result(self, columns: Columns) -> dict[str, float]:
+    def result(self, columns: Columns) -> Numbers:
         """Return xi at rest, and the part of xi that is extrapolated from the last
         roll."""
         # Dashpots slow the last roll down, theta ~ exp(-t/T) with T up to 10^4 R/c. xi
@@ -249,7 +250,7 @@ class Compression(Scenario):
             truncation_remedy="write compression.method: newton",
         )
 
-    def _title(self) -> tuple[str, ...]:
+    def _title(self) -> Lines:
         scene = self.scene
         load = f"P = {self.pressure:g} Mc²/R"
         parameters = f"{load}    {scene.damping}    a = {scene.wall.a:g}/R"
@@ -265,7 +266,7 @@ class Compression(Scenario):
         xi = self.result(columns)["xi"]
         return f"Its centre lies {xi:.3g} R lower than without the load."
 
-    def caption(self, row: dict[str, float]) -> tuple[str, ...]:
+    def caption(self, row: Numbers) -> Lines:
         return *super().caption(row), _shown(self.momentary_motion(row))
 
 
@@ -282,7 +283,7 @@ class Loading(Compression):
     def motion(self, columns: Columns) -> Array:
         return columns["xi"]
 
-    def continuum(self, columns: Columns) -> dict[str, Array]:
+    def continuum(self, columns: Columns) -> Columns:
         # the moduli of other points are not known
         if self.lattice.origin != f"seed {self.scene.lattice.seed}":
             return {}
@@ -293,7 +294,7 @@ class Loading(Compression):
             "exact law, rigid wall": exact_compression(*loads),
         }
 
-    def caption(self, row: dict[str, float]) -> tuple[str, ...]:
+    def caption(self, row: Numbers) -> Lines:
         return f"P = {100.0 * row['t']:.0f} % of {self.pressure:g} Mc²/R", _shown(
             row["xi"]
         )

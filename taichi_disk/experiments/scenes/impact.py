@@ -25,11 +25,13 @@ from taichi_disk.experiments.computation.scenario import (
     signed,
     time_text,
 )
+from taichi_disk.experiments.computation.words import Lines, Numbers
 from taichi_disk.experiments.scenes import oblique
 from taichi_disk.experiments.scenes.bounces import (
     LATER,
     NAMES,
     bounce_conflicts,
+    unfinished_bounces,
 )
 from taichi_disk.experiments.scenes.conflicts import Conflicts, gap_conflicts
 from taichi_disk.experiments.scenes.scene import DiskScene
@@ -342,7 +344,7 @@ class ImpactScenario(Scenario):
     def end_bounds(self) -> dict[str, tuple[float, float]]:
         if self.falls_back:  # it may stay on the wall
             return {}
-        return {"com_vy": (0.0, np.inf), "lowest_y": (self.gap, np.inf)}
+        return {"com_vy": (0.0, inf), "lowest_y": (self.gap, inf)}
 
     def time_to_end(self, columns: Columns) -> float:
         # A disk that leaves may vibrate so strongly that it touches again. Its lowest
@@ -373,6 +375,8 @@ class ImpactScenario(Scenario):
         return float(max(clear - lowest, 0.0)) / last["com_vy"]
 
     def unfinished(self, columns: Columns) -> str:
+        if self.falls_back:
+            return unfinished_bounces(columns, self.scene.impact.bounces)
         v = columns["com_vy"][-1]
         y = columns["lowest_y"][-1]
         name, damped = self.scene.material.dashpots
@@ -398,10 +402,9 @@ class ImpactScenario(Scenario):
         """Initial kinetic energy [M c^2] without the part of the flight along the
         wall."""
         lattice = self.lattice
-        disk = self.velocities[: self.lattice.disk_points]
-        return self.kinetic + 0.5 * float(
-            lattice.mean(((disk - lattice.mean(disk)) ** 2).sum(axis=1))
-        )
+        disk = self.velocities[: lattice.disk_points]
+        inner = ((disk - lattice.mean(disk)) ** 2).sum(axis=1)
+        return self.kinetic + 0.5 * float(lattice.mean(inner))
 
     @property
     def sensitivity(self) -> float:
@@ -409,7 +412,7 @@ class ImpactScenario(Scenario):
         # the two energies.
         return float(np.sqrt(self.reference_energy / self.kinetic))
 
-    def result(self, columns: Columns) -> dict[str, float]:
+    def result(self, columns: Columns) -> Numbers:
         contact = Contact(columns)
         found = dict(zip(NAMES, self.restitutions(columns), strict=False))
         found["contact_time"] = contact.end - contact.start
@@ -420,7 +423,7 @@ class ImpactScenario(Scenario):
                 del found["tangential_impulse"]  # 0, but for rounding errors
         return found
 
-    def result_scales(self, columns: Columns) -> dict[str, float]:
+    def result_scales(self, columns: Columns) -> Numbers:
         scales = {"restitution": 1.0, "contact_time": 0.0}
         scales |= dict.fromkeys(LATER, 1.0)
         if self.scene.is_oblique:
@@ -431,8 +434,8 @@ class ImpactScenario(Scenario):
     def restitutions(self, columns: Columns) -> list[float]:
         """Return e of each bounce."""
         impact = self.scene.impact
-        before = self.speed_before
-        found = restitutions(columns, before, impact.gravity, self.surface)
+        speed = self.speed_before
+        found = restitutions(columns, speed, impact.gravity, self.surface)
         return found[: impact.bounces]
 
     def conclusion(self, columns: Columns) -> str:
@@ -488,7 +491,7 @@ class ImpactScenario(Scenario):
             truncation_remedy="a larger impact.gap ends it farther from the wall",
         )
 
-    def _title(self) -> tuple[str, ...]:
+    def _title(self) -> Lines:
         heading = self.scene.heading
         if self.scene.impact.spin:
             heading = "Impact with spin"
@@ -516,7 +519,7 @@ class ImpactScenario(Scenario):
             numbers["start"] = "own velocities"
         return numbers
 
-    def caption(self, row: dict[str, float]) -> tuple[str, ...]:
+    def caption(self, row: Numbers) -> Lines:
         time = time_text(row["t"])
         if not self.scene.is_oblique:
             return time, f"{signed(row['com_vy'] / self.velocity)} v"

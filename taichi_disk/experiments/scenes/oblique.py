@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.experiments.computation.contact import Contact
+from taichi_disk.experiments.computation.words import Numbers
 from taichi_disk.experiments.config import sections
 from taichi_disk.mechanics.lattice import Array
 from taichi_disk.mechanics.potential import ExponentialPotential
@@ -43,9 +44,7 @@ TANGENTIAL_FACTOR = 10.0
 MIN_TANGENTIAL = 0.01
 
 
-def along_the_wall(
-    columns: Columns, outline: Array, inertia: float
-) -> dict[str, float]:
+def along_the_wall(columns: Columns, outline: Array, inertia: float) -> Numbers:
     """Return the numbers of LABELS; a lowest point almost at rest has no tangential
     restitution.
 
@@ -89,9 +88,7 @@ def _height_at_contact(columns: Columns, outline: Array, inertia: float) -> floa
     return -float((sin(angle) * x + cos(angle) * y).min())
 
 
-def scales_along_the_wall(
-    columns: Columns, outline: Array, inertia: float
-) -> dict[str, float]:
+def scales_along_the_wall(columns: Columns, outline: Array, inertia: float) -> Numbers:
     """Return the largest error of each of LABELS if the normal impulse has a relative
     error of 1. Arguments as for `along_the_wall`."""
     vx, vy, spin = (

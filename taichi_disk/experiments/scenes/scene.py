@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from taichi_disk.experiments.computation.scenario import Scenario
     from taichi_disk.mechanics.physics import Springs
 
+Home: TypeAlias = tuple[str, str]  # section and key
 Value: TypeAlias = bool | int | float | str
 
 # keys that name files, and keys without a meaning for an outline
@@ -58,7 +59,7 @@ class DiskScene(Frozen):
     # sections and keys on which `body` depends, besides material.k_a
     lattice_keys: ClassVar[tuple[str, ...]] = ("lattice",)
     # section and key against which a sweep draws curves
-    abscissa: ClassVar[tuple[str, str]]
+    abscissa: ClassVar[Home]
     results: ClassVar[tuple[str, ...]] = ()  # names of the results
     # names of results that only some scenes have
     optional_results: ClassVar[tuple[str, ...]] = ()
@@ -87,7 +88,7 @@ class DiskScene(Frozen):
         return names
 
     @classmethod
-    def homes(cls, key: str) -> list[tuple[str, str]]:
+    def homes(cls, key: str) -> list[Home]:
         """Return (section, key) of every key with this name; a dotted name also names
         the section."""
         *home, name = key.split(".")
@@ -135,7 +136,7 @@ class DiskScene(Frozen):
                 found.append((f"lattice.{key}", text))
         return found
 
-    def unused(self) -> Collection[tuple[str, str]]:
+    def unused(self) -> Collection[Home]:
         """Return (section, key) of the keys that have no effect with `lattice.file` and
         cannot be swept."""
         if self.lattice.file == "none":
@@ -179,7 +180,7 @@ class DiskScene(Frozen):
         tree.refuse()
         return cast("Self", found)
 
-    def _home(self, name: str) -> tuple[str, str]:
+    def _home(self, name: str) -> Home:
         """Return (section, key) that `name` means; key is "" for a whole section."""
         homes = self.homes(name)
         if len(homes) > 1:

@@ -13,13 +13,14 @@ import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import prod
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 from taichi_disk.base.errors import did_you_mean, printable
 from taichi_disk.experiments.config.tree import Entry, Keys, Tree
 from taichi_disk.experiments.config.words import resolve_synonym
 from taichi_disk.experiments.scenes.scene import (
     DiskScene,
+    Home,
     Kinds,
     Value,
     check,
@@ -31,7 +32,6 @@ FORMS = (
     "a list of values, {lin: [from, to, count]}, {geom: [from, to, count]} or {range:"
     " count}"
 )
-Home: TypeAlias = tuple[str, str]  # section and key
 
 
 class Axis(NamedTuple):

@@ -43,14 +43,11 @@ MAX_ITERATIONS = 200  # far more than any step needs
 
 @dataclass(frozen=True)
 class Diagonal:
-    """Diagonals (n, c) for implicit dashpots: without the springs [M], and the inverse
-    of the full diagonal [1/M].
+    """The diagonal of the matrix of implicit dashpots. Both arrays (n, c) are 0 for
+    pinned points; c = 2 if x and y have different matrices, else 1."""
 
-    Both are 0 for pinned points. c = 2 if x and y have different matrices, else 1.
-    """
-
-    inertia: Array
-    inverse: Array
+    inertia: Array  # part without the springs [M]
+    inverse: Array  # inverse of the full diagonal [1/M]
 
 
 def diagonal(lattice: Lattice, model: Model, dt: float) -> Diagonal:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from taichi_disk.base.errors import (
 )
 from taichi_disk.base.text_files import check_file
 
+Arrays: TypeAlias = dict[str, Any]  # of a lattice, by name
 # size limit of a file; a disk and a wall of 2,000,000 points each take 430,000,000
 MAX_BYTES = 500_000_000
 TABLES = (".csv", ".txt", ".tsv")
@@ -55,14 +56,14 @@ def file_digest(file: str) -> str:
         return hashlib.sha256(Path(file).read_bytes()).hexdigest()
 
 
-class _Arrays(dict[str, Any]):
+class _Arrays(Arrays):
     def __missing__(self, name: str) -> Any:
         raise InputError(
             f"has no array {name}, only {', '.join(self) or 'none at all'}"
         )
 
 
-def read_arrays(path: Path) -> dict[str, Any]:
+def read_arrays(path: Path) -> Arrays:
     """Return the arrays of an npz file by name."""
     # NumPy would take a broken zip file for a pickle
     with zipfile.ZipFile(path) as archive:
@@ -72,14 +73,14 @@ def read_arrays(path: Path) -> dict[str, Any]:
         return _Arrays(data)
 
 
-def points_of_disk(data: Mapping[str, Any], points: int) -> int:
+def points_of_disk(data: Arrays, points: int) -> int:
     """Return the number of the disk's points, which precede those of an elastic wall,
     in a file of `points` points."""
     n = np.asarray(data.get("disk_points", points)).tolist()
     return whole_number(n, "disk_points", points, 0, ", the number of points")
 
 
-def disk_rows(arrays: Mapping[str, Any], n: int) -> dict[str, Any]:
+def disk_rows(arrays: Arrays, n: int) -> Arrays:
     """Return those rows of a lattice's `arrays` that belong to the first `n` points,
     their springs or triangles."""
     rows = {}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +17,7 @@ from taichi_disk.mechanics.lattice import custom
 from taichi_disk.mechanics.lattice.files import (
     MAX_BYTES,
     TABLES,
+    Arrays,
     disk_rows,
     points_of_disk,
     read_arrays,
@@ -399,7 +399,7 @@ def outline_of(points: Array, triangles: Long) -> Long:
     return rings[0]
 
 
-def _lattice_of(arrays: Mapping[str, Any], max_offset: float) -> Lattice:
+def _lattice_of(arrays: Arrays, max_offset: float) -> Lattice:
     """Return the lattice of user-supplied arrays, as `Lattice.from_points` does.
     `max_offset`: largest distance of the points' mean from x = 0 [R]."""
     springs = arrays.get("bonds")
@@ -439,11 +439,9 @@ def _lattice_of(arrays: Mapping[str, Any], max_offset: float) -> Lattice:
     return replace(lattice, masses=_scaled_masses(weights), notes=notes, **of_springs)
 
 
-def _spring_arrays(
-    bonds: Long | None, n: int, arrays: Mapping[str, Any]
-) -> dict[str, Any]:
+def _spring_arrays(bonds: Long | None, n: int, arrays: Arrays) -> Arrays:
     """Return the values (m,) of the user's `bonds` in the order of the lattice."""
-    ordered: dict[str, Any] = {"stiffness": None}
+    ordered: Arrays = {"stiffness": None}
     for name in ("rest_lengths", "stiffness"):
         if arrays.get(name) is None:
             continue
@@ -458,7 +456,7 @@ def _spring_arrays(
     return ordered
 
 
-def _stored(arrays: dict[str, Any], origin: str) -> Lattice:
+def _stored(arrays: Arrays, origin: str) -> Lattice:
     """Return the lattice of an npz file. Raises InputError if it has an array that no
     lattice.npz has."""
     for word, name in _WORDS.items():

@@ -43,8 +43,8 @@ except ImportError:
 # Halves of the smallest widths, in springs: of a part of the body, less what random
 # points vary, and of a hole or a notch.
 _HALF_WIDTHS = (-0.45 * MIN_ROWS, MIN_EDGE / (2.0 * math.pi))
-# A tip or the ground of a notch may lie this far, in half widths, from where they are
-# wider. Those of 29 degrees do.
+# A tip, or the ground of a notch, may lie at most this far, in half widths, from a
+# place that is wide enough. A tip of 29 degrees lies so far.
 _MAX_TIP = 3.0
 _CORNER = 0.5  # an outline that turns by more has a corner [rad]
 _ROUGHNESS = 0.25  # an outline has no features smaller than this, in springs

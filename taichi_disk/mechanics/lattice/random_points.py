@@ -283,10 +283,10 @@ def _accepted(darts: Array, spacing: float) -> Array:
     pairs = np.sort(pairs, axis=1)
     rejected = np.zeros(len(darts), dtype=bool)
     while len(pairs):
-        undecided = np.zeros(len(darts), dtype=bool)
-        undecided[pairs[:, 1]] = True
-        stays = ~undecided[pairs[:, 0]]
-        rejected[pairs[stays, 1]] = True
+        earlier, later = pairs.T
+        # a dart that has no earlier one in its reach stays
+        stays = ~np.isin(earlier, later)
+        rejected[later[stays]] = True
         is_open = ~rejected[pairs].any(axis=1)
         pairs = pairs[is_open]
     return darts[~rejected]

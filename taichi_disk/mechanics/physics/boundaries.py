@@ -84,8 +84,8 @@ class MatchedBoundary(Boundary):
 
     @ti.func
     def damp(self, state: ti.template(), half):
-        """Add the forces -Z v, with v from the velocity v_ in `state.v` and all forces,
-        which act for the time `half`.
+        """Add the forces -Z v of the dashpots. All forces, including these, change the
+        velocity v_ in `state.v` to v in the time `half`.
 
         Returns (v.Zv + 2 v_.Zv_)/3, for the energy balance.
         """

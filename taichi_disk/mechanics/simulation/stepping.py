@@ -93,8 +93,9 @@ class PointFields:
         mass, inverse_mass: of each point [M], [1/M]; the masses of the disk add up to 1
             M.
         h: time step [R/c].
-        closing, observed: time for which the last kick of a step acts, h/2 in leapfrog,
-            and the same for the observed velocities [R/c].
+        closing: time for which the last kick of a step acts [R/c], h/2 in leapfrog.
+        observed: time of the last kick that gives the observed velocities [R/c]; it
+            differs from `closing` with a correction.
         contact: force of the wall on one point at which contact begins [M c^2/R].
         n, n_disk: number of all points and of the disk's points.
         corners, triangles: corners of each triangle, and the number of triangles.
@@ -450,7 +451,8 @@ class Stepping:
 
     @ti.func
     def reset_boundary(self, number, next_kick):
-        """Reset the boundary if that is due, and begin the loss of the next step."""
+        """Stop the boundary if a reset is due. Then store the power with which the sum
+        over the next step begins."""
         sums = ti.static(self.state.sums)
         if number > 0 and number % self.state.reset_steps[None] == 0:
             sums[ABSORBED] += self.boundary.stop(

@@ -12,6 +12,7 @@ from taichi_disk.base.files import atomic_write, check_pictures
 from taichi_disk.base.processes.early import draw_early
 from taichi_disk.base.progress import Progress
 from taichi_disk.base.signals import raise_if_interrupted
+from taichi_disk.experiments.computation.words import Lines
 from taichi_disk.experiments.config.sections import VideoSection
 from taichi_disk.experiments.scenes.scene import origin
 from taichi_disk.pictures.panel import PanelScene, draw_panel
@@ -185,7 +186,7 @@ def size_text(path: Path) -> str:
     return f"{size / 1e6:.2g} MB"
 
 
-def _note_lacking_letters(names: Sequence[tuple[str, ...]]) -> None:
+def _note_lacking_letters(names: Sequence[Lines]) -> None:
     letters = "".join(sorted({*lacking("".join(map("".join, names)))}))
     if letters:
         NOTICES.warning(
@@ -203,7 +204,7 @@ def _pictures(
     words: Sequence[Sequence[Caption]],
     video: VideoSection,
     letters: Letters,
-    names: Sequence[tuple[str, ...]],
+    names: Sequence[Lines],
     panel: PanelScene | None,
 ) -> Pictures:
     scales = Scales.of(recordings, video.magnify)

@@ -20,12 +20,11 @@ _MAX_HEAD = 0.65
 
 
 class Mark(NamedTuple):
-    """Polygons of one kind, which do not touch each other: corners (k, c, 2) [px], with
-    the body at their right and rows downwards, and a rim around each [px]."""
+    """Polygons of one kind, which do not touch each other."""
 
-    corners: Array
+    corners: Array  # (k, c, 2) [px], clockwise in the picture
     ink: Ink
-    rim: float
+    rim: float  # width of the line around each polygon [px]
 
 
 def arrows(feet: Array, vectors: Array, shaft: float, head: float) -> Array:

@@ -15,6 +15,7 @@ import numpy as np
 from taichi_disk.base.errors import InputError
 from taichi_disk.experiments.computation.contact import contacts_of
 from taichi_disk.experiments.computation.outcome import Outcome
+from taichi_disk.experiments.computation.words import Lines
 from taichi_disk.mechanics.lattice import Array
 from taichi_disk.pictures.plot import last_motion
 
@@ -68,11 +69,11 @@ class Caption:
 
     t: float
     note: str = ""
-    pace: tuple[str, ...] = ()
-    lines: tuple[str, ...] = ()
+    pace: Lines = ()
+    lines: Lines = ()
     result: str = ""
     ringing: float = 1.0
-    remarks: tuple[str, ...] = ()
+    remarks: Lines = ()
 
 
 @dataclass(frozen=True)
@@ -231,7 +232,7 @@ def cues(
     found = []
     paces = np.interp(places, number, steps)
     for t, step, stills in zip(times, paces, held, strict=True):
-        pace: tuple[str, ...] = ()
+        pace: Lines = ()
         if longest.scenario.words.pace:
             rounded = float(f"{in_a_second * step:.2g}")
             pace = (longest.scenario.words.pace.format(rounded),)
@@ -289,7 +290,7 @@ def captions(
         time, *lines = scenario.caption(row | {"t": shot.t})
         note = shot.note
         shown_result = ""
-        remarks: tuple[str, ...] = ()
+        remarks: Lines = ()
         if shot.t < 0.0:
             time = BEFORE
         if scenario.is_thrown and shot.t > curves_end:
@@ -326,7 +327,7 @@ def captions(
 MAX_RUNS = 4
 
 
-def titles(runs: Sequence[Run], labels: Sequence[str]) -> list[tuple[str, ...]]:
+def titles(runs: Sequence[Run], labels: Sequence[str]) -> list[Lines]:
     """Return the title lines of each run. The first line of compared runs is one of
     `labels`, or else names the parameters in which the runs differ.
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from taichi_disk.mechanics.fields import FRINGES, QUANTITIES
 
 Colour = tuple[float, float, float]  # sRGB, 0 to 1; CIELAB in maps
+Colours = tuple[Colour, ...]
 Ink = tuple[int, int, int]  # sRGB, 0 to 255
 
 LEVELS = 512  # number of colours of a map
@@ -31,11 +32,11 @@ class Theme:
     arrow: Colour  # arrows of forces
     velocity: Colour  # arrow, number and curve of the velocity
     rule: Colour  # grid lines of a graph
-    low: tuple[Colour, ...]
+    low: Colours
     zero: Colour
-    high: tuple[Colour, ...]
-    amount: tuple[Colour, ...]
-    fringe: tuple[Colour, ...]
+    high: Colours
+    amount: Colours
+    fringe: Colours
 
 
 THEMES: dict[str, Theme] = {
@@ -102,7 +103,7 @@ def colour_map(theme: str, kind: str, bare: bool = False) -> NDArray[np.float32]
     return lab_to_srgb(lab).astype(np.float32)
 
 
-def _curve(nodes: tuple[Colour, ...], count: int) -> NDArray[np.float64]:
+def _curve(nodes: Colours, count: int) -> NDArray[np.float64]:
     known = np.linspace(0.0, 1.0, len(nodes))[:, None]
     powers = np.arange(len(nodes))
     coefficients = np.linalg.solve(known**powers, np.array(nodes, dtype=float))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.experiments.computation.driver import State
+from taichi_disk.experiments.computation.words import Numbers
 from taichi_disk.mechanics.fields import Triangles, at_points
 from taichi_disk.mechanics.lattice import Array
 from taichi_disk.mechanics.statics.equilibrium import turned
@@ -171,9 +172,7 @@ class Recording:
         velocity = np.array([columns["com_vx"][-1], columns["com_vy"][-1]])
         return self.run.positions + beyond * velocity
 
-    def _limits(
-        self, states: Sequence[State], quantities: Sequence[str]
-    ) -> dict[str, float]:
+    def _limits(self, states: Sequence[State], quantities: Sequence[str]) -> Numbers:
         scenario = self.run.scenario
         n = scenario.lattice.disk_points
         triangles = Triangles(scenario.lattice)
@@ -223,7 +222,7 @@ class Scales:
     """
 
     magnify: float
-    limits: dict[str, float]
+    limits: Numbers
     full_force: float
     view: View
 

@@ -9,7 +9,7 @@ const LEAST_FORCE = 0.01; // on a point, over the full one, that has an arrow
 
 // Return where a value lies in one ascending list, at the corresponding place of another.
 function mapped(value, from, to) {
-  const k = Math.max(from.slice(1, -1).findLastIndex((one) => one <= value) + 1, 0);
+  const k = from.slice(1, -1).findLastIndex((one) => one <= value) + 1; // of its interval
   return to[k] + ((value - from[k]) / (from[k + 1] - from[k])) * (to[k + 1] - to[k]);
 }
 
@@ -46,19 +46,20 @@ export function diskOf(message, { springs, triangles, outline }) {
 // [ms]; `folded`: number of triangles turned inside out.
 export class Again {
   constructor(disk, film, flight, duration) {
-    const { speed: v, etaStar } = flight;
-    const [first] = flight.states;
+    const { speed: v, etaStar, moments } = flight;
+    Object.assign(this, { disk, flight, duration, v, moments, limits: {} });
+    // The film begins before t = 0, as high as `disk.top`.
     const early = Math.min((flight.gap - disk.top) / v, -1e-6);
-    const moved = first.x.map((one, i) => one - (i % 2) * v * early);
-    this.states = [{ ...first, t: early, com_y: first.com_y - v * early, x: moved }, ...flight.states];
+    const [first] = flight.states;
+    const x = first.x.map((one, i) => one - (i % 2) * v * early);
+    this.states = [{ ...first, t: early, com_y: first.com_y - v * early, x }, ...flight.states];
     this.times = this.states.map(({ t }) => t);
-    Object.assign(this, { disk, flight, duration, v, limits: {}, moments: flight.moments });
-    const [start, , end] = flight.moments;
+    const [start, , end] = moments;
     this.end = Math.min(end + disk.rules.besideContact * (end - start), flight.rows[flight.end].t);
     this.centre = disk.masses.reduce((sum, m, i) => sum + m * first.x[2 * i], 0);
     // Pictures lie between the moments of the contact as those of the film that was packed.
     const from = [film.times[0], ...disk.moments, film.times.at(-1)];
-    const to = [early, ...this.moments, this.times.at(-1)];
+    const to = [early, ...moments, this.times.at(-1)];
     this.pictures = film.cues.map((k) => mapped(film.times[k], from, to));
     this.cues = this.pictures.map((t) => this.place(t));
     this.fit();

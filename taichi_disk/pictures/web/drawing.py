@@ -25,6 +25,7 @@ from taichi_disk.mechanics.lattice import Array, Lattice
 from taichi_disk.pictures.render.geometry import edge_height
 from taichi_disk.pictures.render.palette import THEMES, Theme, colour_map, map_kind
 
+Message = dict[str, Any]  # a part of what a page is sent, ready for JSON
 # colour of what the user can drag
 _ACCENT = "rgb(230, 115, 0)"
 # Texts of the page for the start, a collected curve and its axes, and the controls that
@@ -45,7 +46,7 @@ _LOAD_LABELS = {
 
 def scene_message(
     scenario: Scenario, video: VideoSection, largest_force: float
-) -> dict[str, Any]:
+) -> Message:
     """Return the argument of `Drawing.setScene`, ready for JSON.
 
     Args:
@@ -82,7 +83,7 @@ def scene_message(
     }
 
 
-def _options(video: VideoSection) -> dict[str, Any]:
+def _options(video: VideoSection) -> Message:
     magnify = video.magnify
     if magnify == "auto":
         magnify = 1.0
@@ -94,7 +95,7 @@ def _options(video: VideoSection) -> dict[str, Any]:
     }
 
 
-def _quantity(name: str) -> dict[str, Any]:
+def _quantity(name: str) -> Message:
     words = asdict(QUANTITIES[name])
     del words["full"]
     return words | {"name": name, "map": map_kind(name)}
@@ -111,7 +112,7 @@ def _maps() -> dict[str, str]:
     return maps
 
 
-def _wall(lattice: Lattice, wall: Any, force: float) -> dict[str, Any]:
+def _wall(lattice: Lattice, wall: Any, force: float) -> Message:
     if wall is None:
         return {"kind": "none"}
     kind = "elastic" if len(lattice.wall_surface) else "rigid"

@@ -314,7 +314,7 @@ async function play() {
   }
 
   function show() {
-    if (!curves) return; // of a first throw that is not there yet
+    if (!curves) return; // the first throw is not computed yet
     const [{ recording: main }] = panes;
     const at = between(main.cues, place);
     const words = main.captions[Math.round(place)];
@@ -323,12 +323,12 @@ async function play() {
       const lines = [...recording.captions[Math.round(place)]];
       const ringing = between(recording.strengths, place);
       const { power } = scene.quantities.find(({ name }) => name === settings.quantity);
-      // The numbers of the scale change once.
+      // The numbers of the scale change only once, with the remark on the ringing.
       const full = lines.at(-1) ? Math.max(...recording.strengths) : 1;
       const magnify = Number(settings.magnify.toPrecision(2));
       if (magnify > 1) lines.push(lines.pop() || `displacements × ${magnify}`);
       const shown = lines.map(captionLine);
-      // for which small comparisons have no room
+      // A small comparison has no room for these lines.
       shown.at(-2).classList.add("scales", "pace");
       shown.at(-1).classList.add("scales", "remark");
       caption.replaceChildren(...shown); // first, because it may change the canvas's height

@@ -21,6 +21,7 @@ from taichi_disk.base.files import write_text
 from taichi_disk.base.progress import Progress
 from taichi_disk.base.signals import raise_if_interrupted
 from taichi_disk.experiments.computation.contact import contacts_of
+from taichi_disk.experiments.computation.words import Lines
 from taichi_disk.experiments.config.sections import VideoSection
 from taichi_disk.mechanics.fields import QUANTITIES, Triangles
 from taichi_disk.mechanics.lattice import Array
@@ -39,6 +40,7 @@ from taichi_disk.pictures.render.moments import (
 from taichi_disk.pictures.render.recording import Recording, Scales
 from taichi_disk.pictures.web.drawing import (
     FILM,
+    Message,
     bundle,
     colour_values,
     contact_forces,
@@ -103,9 +105,9 @@ def _packed(
     states: Sequence[Recording],
     words: Sequence[Sequence[Caption]],
     video: VideoSection,
-    names: Sequence[tuple[str, ...]],
+    names: Sequence[Lines],
     rate: float,
-    again: dict[str, Any] | None,
+    again: Message | None,
     progress: Progress,
 ) -> bytes:
     """Return the compressed head, in JSON, and the arrays of all runs.
@@ -120,7 +122,7 @@ def _packed(
     for k, (one, title, shots) in enumerate(zip(states, names, words, strict=True)):
         progress("render", k, len(states))
         arrays: dict[str, Array] = {}
-        facts: dict[str, Any] = {}
+        facts: Message = {}
         if not again:
             arrays, facts = _recorded(one, common.limits)
         places = {}
@@ -185,8 +187,8 @@ def _words(caption: Caption) -> list[str]:
 
 
 def _marks(run: Run, times: Sequence[float]) -> list[list[Any]]:
-    """Return the numbers of the cues at which a time line has a mark, and what it
-    stands for."""
+    """Return each mark of the time line: the number of its cue, and the bounce or the
+    moment that it stands for."""
     marks: list[list[Any]] = []
     if run.scenario.falls_back:
         for number, one in enumerate(contacts_of(run.series), 1):
@@ -199,7 +201,7 @@ def _marks(run: Run, times: Sequence[float]) -> list[list[Any]]:
     return marks
 
 
-def _curves(states: Sequence[Recording]) -> list[dict[str, Any]]:
+def _curves(states: Sequence[Recording]) -> list[Message]:
     """Return the curves of the runs at the times of the states: panel, name, colours on
     a light and a dark ground, values."""
     found = []
@@ -221,7 +223,7 @@ def _curves(states: Sequence[Recording]) -> list[dict[str, Any]]:
 
 def _recorded(
     states: Recording, limits: dict[str, float]
-) -> tuple[dict[str, Array], dict[str, Any]]:
+) -> tuple[dict[str, Array], Message]:
     """Return the arrays to pack, by name, and what the page has to know about them.
 
     centres and velocities (T, 2) belong to the centre of mass [R], [c]; forces are the

@@ -205,6 +205,7 @@ class Throw {
     if (this.isLost) return { ...choice, safety: shorter(0.5) };
     const gained = rows.map(({ total }) => Math.abs(total - rows[0].total) / (0.5 * speed ** 2));
     const excess = Math.max(gained.at(-1) / MAX_CLOSING, gained.reduce((most, one) => Math.max(most, one)) / MAX_WORST);
+    // If the last step has not halved the excess, the step is not its cause.
     if (excess <= 1 || excess > 0.5 * choice.excess) return null;
     return { ...choice, excess, safety: shorter(Math.max(0.25, 0.9 / Math.sqrt(excess))) };
   }

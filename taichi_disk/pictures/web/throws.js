@@ -69,7 +69,11 @@ export class Throws {
     };
     ui.link.onclick = () => this.copyLink();
     ui.task.onclick = () => this.set(this.goal ? 0 : this.own.goal || USUAL_GOAL);
-    ui.share.onchange = () => this.set(readNumber(ui.share.value.replace("%", "")) / 100);
+    ui.share.onchange = () => {
+      const text = ui.share.value;
+      const fault = this.set(readNumber(text.replace("%", "")) / 100);
+      if (fault) this.tell(`“${text.slice(0, 40)}” is no goal: write a number from 0 to 100.`);
+    };
     ui.copy.onclick = () => copy(asText(ui.table, "\t"), this.tell, "Copied: paste it into a table.");
     ui.addresses.onchange = () => this.collect();
     ui.table.onclick = ({ target }) => {

@@ -14,7 +14,7 @@ from taichi_disk.pictures import plot
 from taichi_disk.pictures.curves import LOOKS, Look
 from taichi_disk.pictures.render import geometry, moments, palette, recording
 from taichi_disk.pictures.render.recording import Flight
-from taichi_disk.pictures.web.drawing import encoded
+from taichi_disk.pictures.web.drawing import Message, encoded
 
 # A page cannot throw a disk again that has more points, or whose own throw takes more
 # springs times steps: some 1.5 s.
@@ -81,7 +81,7 @@ def too_large(scene: Any) -> str:
     return " ".join(words)
 
 
-def thrown_disk(flight: Flight, video: VideoSection) -> dict[str, Any] | None:
+def thrown_disk(flight: Flight, video: VideoSection) -> Message | None:
     """Return the disk of a run that is `throwable`, ready for JSON, or None if it is
     too large for a page."""
     run = flight.run

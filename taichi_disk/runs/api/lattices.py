@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.base.errors import by_kind, described
+from taichi_disk.base.files import Summary
 from taichi_disk.base.progress import Progress
 from taichi_disk.experiments.computation.error_estimate import measured
 from taichi_disk.experiments.computation.outcome import ESTIMATE_UP_TO, Outcome
@@ -75,7 +76,7 @@ def default_count(outcome: Outcome) -> tuple[int, str]:
 
 def compare_lattices(
     outcome: Outcome, count: int, progress: Progress, force: bool
-) -> dict[str, Any]:
+) -> Summary:
     """Compute the results on `count` lattices, and return their statistics for
     summary.json. The seeds are consecutive and begin with the scene's.
 
@@ -105,7 +106,7 @@ def compare_lattices(
         outcome.summary["warnings"].append(
             f"{warned} of {count - 1} other lattices, on the first: {text}"
         )
-    comparison: dict[str, Any] = {"seeds": seeds}
+    comparison: Summary = {"seeds": seeds}
     if len(results) == 1:
         return comparison
     for name in results[0]:
@@ -123,7 +124,7 @@ def compare_lattices(
     return comparison
 
 
-def statistics_of(values: list[float]) -> dict[str, Any]:
+def statistics_of(values: list[float]) -> Summary:
     """Return `values` with their mean, their standard deviation, the standard error of
     the mean and its `interval_95`, each in the unit of the values."""
     mean = float(np.mean(values))

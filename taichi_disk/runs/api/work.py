@@ -14,6 +14,7 @@ import numpy as np
 
 from taichi_disk.base import files, runtime
 from taichi_disk.base.errors import NOTICES, NoPictures, SimulationError
+from taichi_disk.base.files import Summary
 from taichi_disk.base.processes.early import draw_early
 from taichi_disk.base.progress import Progress, silent
 from taichi_disk.experiments.computation.diagnostics import BlowUp
@@ -67,7 +68,7 @@ class Work:
         self.clock = {}
         if started:
             self.clock["start"] = started
-        self.summary: dict[str, Any] = {}
+        self.summary: Summary = {}
         self.progress = progress or silent
         self.own = own_start(scene.lattice, lattice, velocities)
         self.scene = scene
@@ -140,9 +141,9 @@ class Work:
         self.summary = summary
         return replace(outcome, summary=summary)
 
-    def _heading(self, status: str, reason: str | None = None) -> dict[str, Any]:
+    def _heading(self, status: str, reason: str | None = None) -> Summary:
         spec = self.scene.lattice
-        summary: dict[str, Any] = {
+        summary: Summary = {
             "scene": self.scene.scene,
             "status": status,
             "reason": reason,
@@ -227,8 +228,8 @@ class Work:
         export: str | None = None,
     ) -> None:
         """Add trajectory, film and curves, which `artist` draws, to the numbers of a
-        run, and tell summary.json what is missing. The failure of one takes no other
-        along."""
+        run, and tell summary.json what is missing. If one fails, the others are still
+        made."""
         path = folder.path
         summary = outcome.summary
         quoted = headline(summary, outcome.scenario.words.labels)
@@ -273,7 +274,7 @@ def _film(path: Path, outcome: Outcome, artist: Artist, progress: Progress) -> N
         _add(outcome.summary, "notes", text)
 
 
-def _note_failure(summary: dict[str, Any], stage: str, text: str) -> None:
+def _note_failure(summary: Summary, stage: str, text: str) -> None:
     if stage in ERRORS:
         summary[ERRORS[stage]] = text
         NOTICES.error(text)
@@ -283,5 +284,5 @@ def _note_failure(summary: dict[str, Any], stage: str, text: str) -> None:
     NOTICES.warning(warning)
 
 
-def _add(summary: dict[str, Any], key: str, text: str) -> None:
+def _add(summary: Summary, key: str, text: str) -> None:
     summary[key] = [*summary.get(key, []), text]

@@ -11,12 +11,10 @@ import numpy as np
 
 from taichi_disk.base.files import write_arrays, write_text
 from taichi_disk.mechanics.lattice import Array, Lattice
-from taichi_disk.mechanics.simulation.observables import COLUMNS, Column
+from taichi_disk.mechanics.simulation.observables import COLUMNS, Column, Columns
 
 
-def write_timeseries(
-    path: Path, columns: dict[str, Array], interval: float = 0.0
-) -> None:
+def write_timeseries(path: Path, columns: Columns, interval: float = 0.0) -> None:
     """Write timeseries.csv with about one row per `interval` [R/c] and the last row;
     `columns` have at least two."""
     names = [column.name for column in COLUMNS if _is_written(column, columns)]
@@ -28,7 +26,7 @@ def write_timeseries(
     write_text(path, text.getvalue())
 
 
-def _is_written(column: Column, columns: dict[str, Array]) -> bool:
+def _is_written(column: Column, columns: Columns) -> bool:
     if column.name not in columns or column.written == "never":
         return False
     return column.written == "always" or bool(columns[column.name].any())

@@ -32,6 +32,7 @@ from taichi_disk.mechanics.fields import Triangles, point_stress, pressure, stre
 from taichi_disk.mechanics.lattice import Array, Lattice
 from taichi_disk.mechanics.physics import Model
 
+Quantities = dict[str, Array]  # by name
 BLOCK = 10_000  # rows of a text file that are formatted together
 
 
@@ -43,9 +44,9 @@ class Frame:
     time: float  # [R/c]
     positions: Array  # (n, 2) [R]
     velocities: Array  # (n, 2) [c]
-    points: dict[str, Array]
-    springs: dict[str, Array]
-    triangles: dict[str, Array]
+    points: Quantities
+    springs: Quantities
+    triangles: Quantities
     energies: dict[str, float]
 
 
@@ -148,7 +149,7 @@ def _write_rows(file: IO[str], species: str, table: Array) -> None:
         file.write(len(rows) * line % tuple(rows.ravel().tolist()))
 
 
-def _xyz_columns(lattice: Lattice, frame: Frame) -> dict[str, Array]:
+def _xyz_columns(lattice: Lattice, frame: Frame) -> Quantities:
     """Return the columns (n, k) of an XYZ file by name."""
     n = len(lattice.positions)
     columns = {
@@ -259,7 +260,7 @@ def _write_npz(
         np.savez(path, **arrays)
 
 
-def _npz_arrays(frame: Frame) -> dict[str, Array]:
+def _npz_arrays(frame: Frame) -> Quantities:
     arrays = {
         "t": frame.time,
         "positions": frame.positions,
@@ -284,7 +285,7 @@ def _three_dimensional(values: Array) -> Array:
     return padded.take([0, 1, 3, 2, 3, 3], axis=1)
 
 
-def _each_three_dimensional(quantities: dict[str, Array]) -> dict[str, Array]:
+def _each_three_dimensional(quantities: Quantities) -> Quantities:
     return {name: _three_dimensional(values) for name, values in quantities.items()}
 
 

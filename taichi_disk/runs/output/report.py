@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from decimal import ROUND_CEILING, Decimal
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
-Summary: TypeAlias = Mapping[str, Any]  # contents of summary.json
+from taichi_disk.base.files import Summary
+
 # name and unit of each result that is shown
 Labels: TypeAlias = Mapping[str, tuple[str, str]]
 

@@ -174,15 +174,15 @@ def reference_state(
         force = model.forces_moving(lattice, x, v)
         return np.concatenate([v, force / lattice.masses[:, None]]).ravel()
 
-    stops = [end]
     interval = model.reset_interval
+    count = 0
     if interval:
-        resets = int(end / interval * (1 + 1e-12))  # one at the end counts
-        stops = [*(interval * np.arange(1, resets + 1)), end]
+        count = int(end / interval * (1 + 1e-12))  # one at the end counts
+    resets = interval * np.arange(1, count + 1)
     t = 0.0
     y = np.concatenate([lattice.positions, velocities]).ravel()
-    for stop in stops:
-        if stop > t:
+    for stop in [*resets, end]:
+        if stop > t:  # `end` may be the last reset
             # only the end of the motion is stored
             options: dict[str, Any] = {"t_eval": [stop]}
             if interval:
@@ -206,6 +206,6 @@ def reference_state(
                 )
             y = np.array(solution.y[:, -1])
             t = stop
-        if interval and stop is not stops[-1]:
+        if stop in resets:
             y.reshape(2, -1, 2)[1, lattice.wall_boundary] = 0.0
     return y.reshape(2, -1, 2)

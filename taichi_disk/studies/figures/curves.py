@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from taichi_disk.experiments.scenes import Scene
 from taichi_disk.experiments.scenes.compression import paper_compression
+from taichi_disk.experiments.scenes.scene import Home
 from taichi_disk.mechanics.lattice import Array
 from taichi_disk.runs.api.lattices import half_width_95
 from taichi_disk.studies.figures import theory
@@ -29,7 +30,7 @@ class Curve:
     """A curve of a figure: results against an axis for several lattices, all other keys
     being equal."""
 
-    label: dict[str, Any]  # values of the other axes
+    label: Row  # values of the other axes
     x: Array  # (points,), for example speeds [c] or pressures [M c^2/R]
     # (lattices, points) of each result, the drawn one first; NaN if there is none
     results: dict[str, Array]
@@ -220,7 +221,7 @@ class Diagram:
     `base`: a scene of the sweep, for the keys that are not swept."""
 
     base: Scene
-    x: tuple[str, str]
+    x: Home
     y: str
     curves: list[Curve]
 
@@ -232,7 +233,7 @@ class Diagram:
 
 def analyse(
     base: Scene,
-    axes: dict[str, tuple[str, str]],
+    axes: dict[str, Home],
     rows: Sequence[Row],
     x: str | None = None,
     y: str | None = None,
@@ -250,9 +251,9 @@ def analyse(
     x = x or names.get(base.abscissa) or _first_axis(axes)
     diagram = Diagram(base, axes[x], y, [])
     seed = names.get(SEED, "")  # no column if it is not swept
-    others = [name for name in axes if name not in (x, seed)]
     if x == seed:
         seed = ""
+    others = [name for name in axes if name not in (x, seed)]
     results = [y]
     if diagram.is_of_laws:
         results = list(base.results)
@@ -262,6 +263,8 @@ def analyse(
             groups.setdefault(tuple(row[name] for name in others), []).append(row)
     for values, members in groups.items():
         label = dict(zip(others, values, strict=True))
+        # Laws are fitted to disks that have not folded, and where all lattices have a
+        # result. If all disks have folded, the curve shows them without a fit.
         sound = members
         if diagram.is_of_laws:
             sound = _sound(members, x)
@@ -279,7 +282,7 @@ def analyse(
             young=young,
             poisson=poisson,
             is_damped=_is_damped(base, axes, label),
-            folded=len([row for row in members if _is_folded(row)]),
+            folded=sum(map(_is_folded, members)),
         )
         if diagram.is_of_laws and sound:
             curve = replace(curve, fits=_fits(base, curve))
@@ -301,7 +304,7 @@ def _with_short_paths(axes: Iterable[str], rows: Sequence[Row]) -> list[Row]:
     return short
 
 
-def _first_axis(axes: dict[str, tuple[str, str]]) -> str:
+def _first_axis(axes: dict[str, Home]) -> str:
     """Return the first axis that is not the seed, if there is one."""
     return min(axes, key=lambda name: axes[name] == SEED)
 
@@ -361,9 +364,7 @@ def _mean_moduli(rows: Sequence[Row], seed: str) -> tuple[float, float]:
     return float(young), float(poisson)
 
 
-def _is_damped(
-    base: Scene, axes: dict[str, tuple[str, str]], label: dict[str, Any]
-) -> bool:
+def _is_damped(base: Scene, axes: dict[str, Home], label: Row) -> bool:
     swept = {}
     for name, value in label.items():
         section, key = axes[name]

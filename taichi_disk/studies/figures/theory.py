@@ -96,8 +96,8 @@ def fit_restitution(velocity: Array, e: Array) -> Fit:
     the paper's."""
     s = 1.0 / np.sqrt(np.log(4.0 / velocity))
 
-    # Eq. (5) squared is a line: e^2 = A - B s with A = d1^2 and B = d1^2 d2. An error
-    # of e is one of e^2 that is 2 e times as large.
+    # Eq. (5) squared is a line: e^2 = A - B s with A = d1^2 and B = d1^2 d2. If e
+    # changes by `scale`, e^2 changes by 2 e `scale`, hence the weights.
     def solve(mean: Array, scale: Array) -> list[float]:
         slope, A = np.polyfit(s, mean**2, 1, w=0.5 / (mean * scale)).tolist()
         if A <= 0.0:

@@ -25,6 +25,7 @@ from taichi_disk.base.errors import (
     whole_number,
 )
 from taichi_disk.base.files import (
+    Summary,
     prepare_output,
     remove,
     versions,
@@ -39,7 +40,7 @@ from taichi_disk.experiments.scenes.sweep_axes import Sweep
 from taichi_disk.mechanics.lattice import file_digest
 from taichi_disk.runs.output.run_folder import refuse_run
 from taichi_disk.studies.sweep import executors
-from taichi_disk.studies.sweep.work import PointResult, relevant_versions
+from taichi_disk.studies.sweep.work import PointResult, Row, relevant_versions
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -70,8 +71,6 @@ DIAGNOSTICS = (
     "dt",
     "integrator",
 )
-
-Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -314,7 +313,7 @@ def _rows(
     return rows
 
 
-def _summary(sweep: Sweep, rows: list[Row], computed_now: int) -> dict[str, Any]:
+def _summary(sweep: Sweep, rows: list[Row], computed_now: int) -> Summary:
     reported = (*sweep.axes, "reason")
     failed = []
     for row in rows:
@@ -330,7 +329,7 @@ def _summary(sweep: Sweep, rows: list[Row], computed_now: int) -> dict[str, Any]
 
 
 def _write_table(
-    out: Path, sweep: Sweep, rows: list[Row], summary: dict[str, Any], started: float
+    out: Path, sweep: Sweep, rows: list[Row], summary: Summary, started: float
 ) -> None:
     """Write points.csv, the figure, and summary.json with the fits, which are added to
     `summary`. A failure of the figure becomes its `figure_error`."""

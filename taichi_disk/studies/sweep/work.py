@@ -18,6 +18,8 @@ from taichi_disk.base.files import versions
 from taichi_disk.experiments.scenes import Scene
 from taichi_disk.experiments.scenes.setup import outcome_of
 
+Row = dict[str, Any]  # of points.csv
+Versions = dict[str, str]  # of packages
 MAX_REASON = 300  # number of characters of an unexpected error's message
 
 
@@ -29,19 +31,19 @@ class PointResult:
     reason: str | None = None  # of a failure
     # Results, moduli, error estimate, energy imbalance, steps, dt, integrator; empty
     # after a failure.
-    numbers: dict[str, Any] = field(default_factory=dict)
+    numbers: Row = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     estimated: bool = False  # whether an error estimate was requested
     # of the packages that computed the result
-    versions: dict[str, str] = field(default_factory=dict)
+    versions: Versions = field(default_factory=dict)
 
 
-def relevant_versions() -> dict[str, str]:
+def relevant_versions() -> Versions:
     return {name: version for name, version in versions().items() if name != "python"}
 
 
 def compute_task(
-    expected: dict[str, str], scenes: bytes, estimate: bool
+    expected: Versions, scenes: bytes, estimate: bool
 ) -> list[PointResult]:
     """Return the results of a task's pickled `scenes`. Raises InputError unless the
     versions here are the `expected` ones."""
@@ -51,9 +53,7 @@ def compute_task(
     return list(compute_points(pickle.loads(scenes), estimate))
 
 
-def check_versions(
-    worker: str, installed: dict[str, str], expected: dict[str, str]
-) -> None:
+def check_versions(worker: str, installed: Versions, expected: Versions) -> None:
     mismatches = [
         f"{name} {installed.get(name)} instead of {version}"
         for name, version in expected.items()
@@ -97,7 +97,7 @@ def compute_points(scenes: Iterable[Scene], estimate: bool) -> Iterator[PointRes
 def _computed(scene: Scene, estimate: bool) -> PointResult:
     outcome = outcome_of(scene, estimate=estimate)
     summary = outcome.summary
-    numbers: dict[str, Any] = dict(outcome.scenario.result(outcome.series))
+    numbers: Row = dict(outcome.scenario.result(outcome.series))
     if scene.lattice.file == scene.lattice.outline == "none":  # laws are of disks
         moduli = scene.moduli(scene.lattice.points)
         numbers |= {"young": moduli.young, "poisson": moduli.poisson}

@@ -15,8 +15,8 @@ from taichi_disk.base import engine
 
 
 def fit_engine() -> bool:
-    """Return whether the engine is the one whose shaders ours replace. Those of another
-    version may have another interface, and a pipeline that does not fit aborts the
+    """Return whether these shaders can replace those of the installed engine. Another
+    version may expect another interface, and a pipeline that does not fit aborts the
     process."""
     return engine.versions() == engine.WITH_KNOWN_SHADERS
 
