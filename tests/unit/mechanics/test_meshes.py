@@ -235,10 +235,3 @@ def test_a_cut_file_of_any_kind_is_read_whole_or_refused(tmp_path, monkeypatch, 
         path.write_bytes(content[: int(part * len(content))])
         with pytest.raises(InputError, match=r"^lattice\.file: "):
             Lattice.read(path)
-
-
-def test_meshio_is_imported_only_for_a_mesh():
-    code = (
-        "import sys, taichi_disk.experiments.scenes; sys.exit('meshio' in sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
