@@ -158,11 +158,7 @@ $EndElements
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        (
-            "a.msh",
-            CURVE.format(last=2),
-            r"\(physical groups: rim\); if there",
-        ),
+        ("a.msh", CURVE.format(last=2), r"\(physical groups: rim\); if there"),
         # meshio makes a table of all numbers up to the largest
         ("a.msh", CURVE.format(last=2 * 10**9), r"cannot read .*\(Unable to allocate"),
         ("a.inp", "*NODE\n1,0,0\n*Include,INPUT=a.inp\n", "it includes another file"),
