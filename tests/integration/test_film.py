@@ -470,25 +470,19 @@ def test_curves_are_begun_before_what_they_need_last(run, tmp_path, monkeypatch)
         return begin(artist, draw, *arguments)
 
     monkeypatch.setattr(Artist, "begin", note)
-    scene = load_scene("exponential_wall", ["lattice.points=20", "video.size=360"])
+    keys = ["lattice.points=20", "video.size=360", "video.seconds=0.2"]
+    scene = load_scene("exponential_wall", keys)
     options = {"lattices": 2, "progress": lambda stage, *_: events.append(stage)}
     api.run(scene, tmp_path / "o", **options)
-    order = [
-        "simulate",
-        "estimate",
-        draw_plot,
-        "lattices",
-        plot_run,
-        draw_panel,
-        "render",
-    ]
+    order = ["simulate", "estimate", draw_plot, "lattices", plot_run]
+    order += [draw_panel, "render"]
     assert list(dict.fromkeys(events)) == order
     drawn = draw_panel(panel_scene(run, Letters(360, 1.0, "light")))
     monkeypatch.setattr(
         finisher, "picture_of", lambda draw, _: {draw_panel: drawn}[draw]
     )
     monkeypatch.setattr(finisher, "draw_curves", lambda _, *what: events.append(what))
-    film(tmp_path / "film.mp4", [run], size=360, panel="true")
+    film(tmp_path / "film.mp4", [run], size=360, seconds=0.2, panel="true")
     assert events[-1][0] is drawn
 
 
