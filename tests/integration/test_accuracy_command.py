@@ -1,7 +1,6 @@
 """`taichi-disk accuracy`: its sentence, tables and picture."""
 
 import csv
-from pathlib import Path
 
 import pytest
 
@@ -10,13 +9,13 @@ from taichi_disk.cli import main
 from taichi_disk.studies.accuracy import steps, study
 
 
-def accuracy(out: Path, scene: str, *settings: str) -> int:
+def accuracy(out, scene, *settings):
     changes = [f"--set={one}" for one in ("lattice.points=30", *settings)]
     return main(["accuracy", scene, "--out", str(out), *changes])
 
 
 @pytest.fixture(autouse=True)
-def few(monkeypatch: pytest.MonkeyPatch) -> None:
+def few(monkeypatch):
     monkeypatch.setattr(steps, "FRACTIONS", (0.8, 0.4))
     monkeypatch.setattr(steps, "REPEATS", 1)
     monkeypatch.setattr(study, "SEEDS", 3)

@@ -33,11 +33,11 @@ SCENE = load_scene("exponential_wall").with_(SMALL)
 
 
 @pytest.fixture(scope="module")
-def result() -> Result:
+def result():
     return run(SCENE, lattices=1)
 
 
-def alone(scene=SCENE, *more, **options) -> Result:
+def alone(scene=SCENE, *more, **options):
     """Run a scene on its own lattice, without a film."""
     return run(scene, *more, **{"video": False, "lattices": 1} | options)
 
@@ -520,7 +520,7 @@ OWN = {
 }
 
 
-def assert_same(one: Result, other: Result) -> None:
+def assert_same(one, other):
     assert one.numbers == other.numbers
     assert one.series.keys() == other.series.keys()
     assert all(

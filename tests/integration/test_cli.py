@@ -22,19 +22,19 @@ SMALL = ("lattice.points=60", "material.eta_star=0")
 WILD = (*SMALL, "time.dt=0.22")  # 1.5 times the limit
 
 
-def arguments(out: Path, *settings: str, scene: str = "exponential_wall") -> list[str]:
+def arguments(out, *settings, scene="exponential_wall"):
     changes = [f"--set={setting}" for setting in settings]
     return ["run", scene, f"--out={out}", "--no-video", "--lattices=1", *changes]
 
 
-def leave(words: list[str]) -> int:
+def leave(words):
     """Return the exit status of a command that ends while it reads its arguments."""
     with pytest.raises(SystemExit) as leaving:
         main(words)
     return leaving.value.code
 
 
-def names(folder: Path) -> set[str]:
+def names(folder):
     return {path.name for path in folder.iterdir()}
 
 
@@ -167,7 +167,7 @@ NO_MEMORY = (
 def test_each_kind_of_failure_has_its_exit_status_and_one_message(
     monkeypatch, capsys, failure, status, message
 ):
-    def fail(*_: object, **__: object) -> None:
+    def fail(*_, **__):
         raise failure
 
     monkeypatch.setattr("taichi_disk.runs.api.run", fail)
@@ -239,7 +239,7 @@ def test_check_and_help_load_nothing_that_is_slow():
 import sys
 import taichi_disk.base.runtime  # as the entry point does
 from taichi_disk.cli import main
-SLOW = {"taichi", "taichi_forge", "scipy", "matplotlib", "rich", "imageio", "av", "PIL"}
+SLOW = set("taichi taichi_forge scipy matplotlib rich imageio av PIL meshio".split())
 checks = [["check", name] for name in ("exponential_wall", "figure3", "no-such-scene")]
 for words in ["--help"], *checks:
     try:

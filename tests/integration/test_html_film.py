@@ -6,7 +6,6 @@ import re
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
@@ -19,7 +18,6 @@ from taichi_disk.cli import main
 from taichi_disk.mechanics.fields import QUANTITIES, Triangles, at_points
 from taichi_disk.pictures.render import artist
 from taichi_disk.runs import api
-from tests.browser import Browser
 
 
 @pytest.fixture(scope="module")
@@ -145,10 +143,7 @@ def test_a_film_needs_no_vulkan(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("trial", "state"),
-    [
-        (os.abort, "crashed with SIGABRT"),
-        (signal.pause, "did not answer for 0.2 s"),
-    ],
+    [(os.abort, "crashed with SIGABRT"), (signal.pause, "did not answer for 0.2 s")],
 )
 def test_a_driver_that_crashes_or_hangs_costs_no_number(
     tmp_path, monkeypatch, trial, state
@@ -191,7 +186,7 @@ return [...document.querySelectorAll("canvas")].filter((one) => one.offsetWidth
 
 
 @pytest.fixture
-def browser(browsers: Callable[[str], Browser]) -> Iterator[Browser]:
+def browser(browsers):
     """A browser without a network."""
     browser = browsers("chromium")
     browser.connect(False)

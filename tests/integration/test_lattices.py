@@ -37,7 +37,7 @@ def test_mean_and_scatter_are_those_of_a_sweep_over_the_same_seeds_to_all_digits
 ):
     scene = load_scene(kind).with_(SMALL | keys)
     result = run(scene, tmp_path / "run", video=False, lattices=4)
-    nested: dict = {"scene": kind, "sweep": {"seed": [3, 4, 5, 6]}}
+    nested = {"scene": kind, "sweep": {"seed": [3, 4, 5, 6]}}
     for key, value in (SMALL | keys).items():
         section, name = key.split(".")
         nested.setdefault(section, {})[name] = value

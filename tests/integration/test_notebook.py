@@ -4,7 +4,6 @@ import builtins
 import re
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -93,20 +92,20 @@ def test_long_work_shows_a_bar_by_itself_in_a_notebook_which_goes_at_the_end(
         pass
 
     class Handle:
-        def update(self, shown: Any, **_: Any) -> None:
+        def update(self, shown, **_):
             told.append(
                 shown
                 if isinstance(shown, dict)
                 else shown._repr_mimebundle_((), ())["text/plain"]
             )
 
-    told: list[Any] = []
+    told = []
     monkeypatch.setattr(builtins, "get_ipython", ZMQInteractiveShell, raising=False)
     monkeypatch.setattr("IPython.display.display", lambda shown, display_id: Handle())
     monkeypatch.setattr("taichi_disk.base.progress.BAR_INTERVAL", 0.0)
 
     @reported
-    def work(progress: Any = None) -> None:
+    def work(progress=None):
         for k in range(3):
             progress("sweep", k, 2)
 

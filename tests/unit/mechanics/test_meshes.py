@@ -158,11 +158,7 @@ $EndElements
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        (
-            "a.msh",
-            CURVE.format(last=2),
-            r"\(physical groups: rim\); if there",
-        ),
+        ("a.msh", CURVE.format(last=2), r"\(physical groups: rim\); if there"),
         # meshio makes a table of all numbers up to the largest
         ("a.msh", CURVE.format(last=2 * 10**9), r"cannot read .*\(Unable to allocate"),
         ("a.inp", "*NODE\n1,0,0\n*Include,INPUT=a.inp\n", "it includes another file"),
@@ -235,10 +231,3 @@ def test_a_cut_file_of_any_kind_is_read_whole_or_refused(tmp_path, monkeypatch, 
         path.write_bytes(content[: int(part * len(content))])
         with pytest.raises(InputError, match=r"^lattice\.file: "):
             Lattice.read(path)
-
-
-def test_meshio_is_imported_only_for_a_mesh():
-    code = (
-        "import sys, taichi_disk.experiments.scenes; sys.exit('meshio' in sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
