@@ -174,7 +174,8 @@ def _along(ring: Any, row: float, rng: np.random.Generator) -> Array:
     about `row`."""
     smooth = ring.simplify(_ROUGHNESS * row)
     corners = shapely.get_coordinates(smooth)[1:]
-    sides = np.diff(corners @ [1.0, 1.0j], prepend=corners[-1:] @ [1.0, 1.0j])
+    z = corners @ [1.0, 1.0j]
+    sides = z - np.roll(z, 1)
     turn = np.abs(np.angle(np.roll(sides, -1) / sides))
     marks = shapely.points(corners[turn > _CORNER])
     places = np.sort(shapely.line_locate_point(ring, marks))

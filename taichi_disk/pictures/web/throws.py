@@ -94,7 +94,7 @@ def thrown_disk(flight: Flight, video: VideoSection) -> Message | None:
     stiffness = scenario.model.springs.stiffness(lattice, lattice.positions)
     omega = float(np.sqrt(largest_eigenvalue(stiffness, masses)))
     damping = largest_eigenvalue(laplacian(lattice), masses)
-    steps = run.series["t"][-1] / explicit_limit(omega, eta * damping)
+    steps = run.end / explicit_limit(omega, eta * damping)
     if len(masses) > _MOST_POINTS or steps * len(lattice.bonds) > _MOST_WORK:
         return None
     contact = run.contact
