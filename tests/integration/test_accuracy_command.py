@@ -34,9 +34,7 @@ def test_accuracy_does_not_write_into_the_folder_of_a_run(tmp_path, capsys):
 
 
 @pytest.mark.validate
-def test_a_user_s_step_too_long_for_finer_lattices_still_gives_a_report(
-    tmp_path, capsys
-):
+def test_a_step_too_long_for_finer_lattices_still_gives_a_report(tmp_path, capsys):
     assert accuracy(tmp_path, "exponential_wall", "time.dt=0.04") == 0
     first, *rest = capsys.readouterr().out.splitlines()
     assert first.startswith("restitution: time step ")

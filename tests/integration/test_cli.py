@@ -99,7 +99,7 @@ def test_messages_of_the_command_line_name_options(tmp_path, capsys):
     assert "--set cannot change the scenes of a folder" in capsys.readouterr().err
 
 
-def test_numbers_are_printed_although_the_run_cannot_be_moved(
+def test_numbers_are_printed_though_a_run_cannot_be_moved(
     tmp_path, capsys, monkeypatch
 ):
     replace = os.replace
@@ -378,9 +378,7 @@ def test_a_broken_cache_of_kernels_takes_no_printed_result_with_it():
     assert done.returncode < 0
 
 
-def test_whatever_lies_among_the_shipped_scenes_ends_no_command(
-    tmp_path, monkeypatch, capsys
-):
+def test_nothing_among_the_shipped_scenes_ends_a_command(tmp_path, monkeypatch, capsys):
     folder = tmp_path / "scenes"
     folder.mkdir()
     (folder / "latin.yaml").write_bytes(b"# \xe4\nscene: compression\n")
@@ -401,9 +399,7 @@ def test_whatever_lies_among_the_shipped_scenes_ends_no_command(
 @pytest.mark.parametrize(
     ("own", "used"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "3"}, "3")]
 )
-def test_a_command_leaves_the_cores_to_the_simulation_unless_the_user_says_otherwise(
-    own, used
-):
+def test_a_command_leaves_cores_to_the_simulation_unless_told_otherwise(own, used):
     code = (
         "import atexit, os, sys; sys.argv[1:] = ['--version']; atexit.register(lambda:"
         " print(os.environ['OPENBLAS_NUM_THREADS'], os.environ['MPLBACKEND'],"

@@ -122,9 +122,7 @@ def test_a_lattice_far_off_makes_the_interval_no_summary():
         ("compression", {"compression.method": "newton"}, 8, ""),
     ],
 )
-def test_a_relaxation_or_a_tolerance_is_computed_on_three_lattices(
-    kind, keys, count, reason
-):
+def test_relaxations_and_tolerances_take_three_lattices(kind, keys, count, reason):
     small = {"lattice.points": 40, "material.viscosity": 0.0091}
     summary = run(load_scene(kind).with_(small | keys)).summary
     assert len(summary["lattices"]["seeds"]) == count
@@ -151,9 +149,7 @@ def test_a_custom_body_has_no_seeds_and_the_run_notes_it():
         (MemoryError(), "MemoryError: "),
     ],
 )
-def test_a_lattice_without_a_result_is_reported_and_left_out(
-    monkeypatch, error, reason
-):
+def test_a_lattice_without_result_is_reported_and_left_out(monkeypatch, error, reason):
     plain = lattices.outcome_of
 
     def fails_at_5(scene, **options):

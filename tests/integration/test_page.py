@@ -30,9 +30,7 @@ def test_a_signal_right_after_the_address_ends_the_program(served):
 
 
 @pytest.mark.validate
-def test_the_page_opens_obeys_and_computes_what_run_does(
-    served, each_browser, tmp_path
-):
+def test_a_page_opens_obeys_and_computes_what_run_does(served, each_browser, tmp_path):
     browser = each_browser
     program, url = served
     browser.resize((1366, 768))
@@ -84,9 +82,7 @@ def test_the_page_opens_obeys_and_computes_what_run_does(
 
 
 @pytest.mark.validate
-def test_a_body_is_drawn_thrown_and_saved_with_the_same_numbers(
-    served, each_browser, tmp_path
-):
+def test_a_body_is_drawn_thrown_and_saved_the_same(served, each_browser, tmp_path):
     browser = each_browser
     program, url = served
     browser.open(url)
@@ -187,7 +183,7 @@ return canvas.clientWidth === width && canvas.clientHeight === height;
 
 
 @pytest.mark.validate
-def test_every_layout_is_free_of_overlaps_small_letters_and_small_targets(
+def test_every_layout_is_free_of_overlaps_and_small_letters_and_targets(
     served, browser
 ):
     from axe_selenium_python import Axe

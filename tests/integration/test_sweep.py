@@ -233,9 +233,7 @@ def test_an_unexpected_error_at_one_point_does_not_stop_the_others(
     assert not again.failed
 
 
-def test_a_number_that_is_not_finite_is_a_failure_whichever_it_is(
-    tmp_path, monkeypatch
-):
+def test_a_number_that_is_not_finite_is_a_failure(tmp_path, monkeypatch):
     compute = work.outcome_of
 
     def unbalanced(scene, **options):
@@ -248,9 +246,7 @@ def test_a_number_that_is_not_finite_is_a_failure_whichever_it_is(
     assert row["reason"] == "energy_imbalance is not a finite number"
 
 
-def test_errors_are_estimated_on_request_and_one_lattice_has_no_scatter(
-    small, tmp_path
-):
+def test_errors_are_estimated_on_request_and_a_lattice_has_no_scatter(small, tmp_path):
     sweep = SMALL, tmp_path / "out", "sweep.velocity=[0.02, 0.05]", "sweep.seed=[3]"
     shutil.copytree(small.out, tmp_path / "out")
     plain = swept(*sweep)

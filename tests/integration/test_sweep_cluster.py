@@ -151,9 +151,7 @@ def test_a_killed_worker_ends_the_sweep_and_the_same_command_goes_on(
     goes_on(scene, out, expected, "--jobs", "2")
 
 
-def test_parts_at_the_same_time_in_one_folder_one_of_them_killed(
-    scene, expected, tmp_path
-):
+def test_parts_at_the_same_time_in_one_folder_one_killed(scene, expected, tmp_path):
     out = tmp_path / "out"
     parts = [
         started(*command(scene, out, "--part", f"{k}/3", "--jobs", "1"))
@@ -183,9 +181,7 @@ def test_workers_leave_their_kernels_to_the_next_sweep(scene, tmp_path):
     assert sum(path.is_file() for path in cache.rglob("*")) > 3
 
 
-def test_a_script_needs_no_guard_not_even_from_standard_input(
-    scene, expected, tmp_path
-):
+def test_a_script_needs_no_guard_even_from_standard_input(scene, expected, tmp_path):
     script = (
         "from taichi_disk import load_sweep, run_sweep\n"
         f"run_sweep(load_sweep({str(scene)!r}), {str(tmp_path / 'out')!r}, jobs=2)\n"

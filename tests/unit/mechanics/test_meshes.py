@@ -194,9 +194,7 @@ def test_without_meshio_the_message_says_how_to_install_it(tmp_path, monkeypatch
 ENDLESS = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\n"
 
 
-def test_a_mesh_whose_reading_never_ends_is_refused_after_a_while(
-    tmp_path, monkeypatch
-):
+def test_a_mesh_whose_reading_never_ends_is_refused_in_time(tmp_path, monkeypatch):
     (tmp_path / "a.ply").write_text(ENDLESS)
     monkeypatch.setattr(meshes, "TIME", 0.5)
     with pytest.raises(InputError, match=r"cannot read this file \(it takes too long"):
