@@ -28,7 +28,7 @@ case "$*" in
 esac"""
 
 
-def script(path: Path, text: str) -> None:
+def script(path, text):
     path.unlink(missing_ok=True)  # never through a link to a tool of the system
     path.write_text(f"#!/bin/sh\n{text}\n")
     path.chmod(0o755)

@@ -3,6 +3,7 @@
 import json
 import random
 import shutil
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,6 +18,7 @@ from taichi_disk.pictures.render.recording import Flight, Recording
 from taichi_disk.pictures.web import throws
 from taichi_disk.pictures.web.drawing import FILM, bundle
 from taichi_disk.runs import api
+from taichi_disk.sandbox import session
 
 pytestmark = pytest.mark.skipif(
     not shutil.which("node"), reason="not installed: node (apt-get install nodejs)"
@@ -38,8 +40,11 @@ const found = films.map((film, k) => {
   let next;
   do next = steps.next();
   while (!next.done);
-  const { restitution, rows, end, dt } = next.value;
-  return [restitution, Math.round(rows[end].t / dt)];
+  const { moments, restitution, rows, end, dt } = next.value;
+  const { elastic, vibration, rotation, translation, dissipated } = rows[end];
+  const energies = [elastic, vibration + rotation + translation, dissipated];
+  return [restitution, Math.round(rows[end].t / dt), moments[2] - moments[0],
+    ...energies];
 });
 console.log(JSON.stringify(found));
 """
@@ -66,7 +71,10 @@ def numbers_of(draw):
         "time.safety": draw.uniform(0.3, 0.9),
         "material.k_b": 10.0 ** draw.uniform(-3, 2),
     }
-    body = draw.choice(["plain", "hole", "core"])
+    body = draw.choice(["plain", "hole", "core", "outline"])
+    if body == "outline":
+        del numbers["lattice.rim"]
+        numbers["lattice.outline"] = str(Path(session.__file__).with_name("ell.svg"))
     if body == "hole":
         numbers["lattice.points"] = 150
         numbers["lattice.hole"] = 0.4
@@ -98,10 +106,13 @@ def compare(tmp_path, disks):
         films.append(packed(film)[0])
         run = api.run(scene.with_(of_throw), lattices=1)
         numbers.append(list(of_throw.values()))
-        expected.append([run.summary[name] for name in ("restitution", "steps")])
+        names = ("restitution", "steps", "contact_time")
+        energies = [run.series[k][-1] for k in ("elastic", "kinetic", "dissipated")]
+        expected.append([*(run.summary[name] for name in names), *energies])
     found = in_node(tmp_path, FLY, films, numbers)
     for one, other, throw in zip(found, expected, numbers, strict=True):
-        assert one == pytest.approx(other, abs=1e-10), throw
+        assert one[:2] == pytest.approx(other[:2], abs=1e-10), throw
+        assert one[2:] == pytest.approx(other[2:], abs=1e-8), throw
 
 
 def test_a_rough_disk_that_spins_ends_its_throw_at_the_row_of_run(tmp_path):

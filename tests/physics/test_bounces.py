@@ -9,7 +9,7 @@ from bodies import computed
 from numpy.testing import assert_array_equal
 
 from taichi_disk import load_scene, run
-from taichi_disk.base.errors import InputError
+from taichi_disk.base.errors import InputError, SimulationError
 from taichi_disk.experiments.computation.contact import apexes, flights
 from taichi_disk.experiments.scenes.bounces import NAMES
 
@@ -150,6 +150,11 @@ def test_a_damped_disk_comes_to_rest(kernels, eta_star, made):
 
 
 # ---- what a scene says
+
+
+def test_a_run_that_ends_too_early_says_how_many_bounces_it_made(kernels):
+    with pytest.raises(SimulationError, match="has made 2 of 6 bounces by t = 50"):
+        computed(kernels, *RINGING, "impact.max_time=50")
 
 
 def test_the_height_of_a_fall_gives_the_speed():

@@ -160,7 +160,7 @@ SLOW = (
 )
 
 
-def test_a_gain_of_e_is_compared_with_its_own_error_and_is_the_sum_of_its_parts(
+def test_a_gain_of_e_is_compared_with_its_error_and_is_the_sum_of_its_parts(
     kernels,
 ):
     dashpots = "material.eta_star=0.001"
@@ -193,9 +193,7 @@ THROWS = list(product((0.2, 0.6, 1.0, 1.3), (0.1, 0.3, 0.8), (0.0, 0.03)))
     [THROWS[2:11:4], pytest.param(THROWS, marks=pytest.mark.validate)],
     ids=["3", "all"],
 )
-def test_where_points_stick_errors_fall_as_the_square_of_the_step_on_average(
-    throws, kernels
-):
+def test_where_points_stick_errors_fall_as_the_square_of_the_step(throws, kernels):
     # Compared with 1/64 of the first step, 0.016 R/c. The time when a point begins to
     # stick is known to within a step, so errors of a single throw fall in jumps. The
     # geometric mean over 24 throws falls with the power 1.85.
@@ -246,7 +244,7 @@ def test_a_slow_throw_is_that_of_a_rigid_disk(kernels):
     )
 
 
-def test_friction_alone_brakes_no_straight_throw_and_has_no_restitution_of_its_own(
+def test_friction_alone_brakes_no_straight_throw_and_has_no_e_of_its_own(
     kernels,
 ):
     _, _, found = impact(kernels, *SMALL, "wall.friction=0.3")

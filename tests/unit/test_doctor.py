@@ -68,9 +68,7 @@ def test_an_error_is_reported_with_the_remedy(monkeypatch, capsys):
 @pytest.mark.parametrize(
     "content", ["raise ImportError('of another\\n    Python')", "__version__ = '1.23'"]
 )
-def test_a_package_of_pythonpath_that_does_not_fit_is_named_with_the_cure(
-    tmp_path, content
-):
+def test_a_package_of_pythonpath_that_does_not_fit_is_named(tmp_path, content):
     (tmp_path / "numpy").mkdir()
     file = tmp_path / "numpy" / "__init__.py"
     file.write_text(content)

@@ -31,6 +31,7 @@ from taichi_disk.experiments.scenes.bounces import (
     LATER,
     NAMES,
     bounce_conflicts,
+    unfinished_bounces,
 )
 from taichi_disk.experiments.scenes.conflicts import Conflicts, gap_conflicts
 from taichi_disk.experiments.scenes.scene import DiskScene
@@ -345,7 +346,7 @@ class ImpactScenario(Scenario):
     def end_bounds(self) -> Bounds:
         if self.falls_back:  # it may stay on the wall
             return {}
-        return {"com_vy": (0.0, np.inf), "lowest_y": (self.gap, np.inf)}
+        return {"com_vy": (0.0, inf), "lowest_y": (self.gap, inf)}
 
     def time_to_end(self, columns: Columns) -> float:
         # A disk that leaves may vibrate so strongly that it touches again. Its lowest
@@ -377,6 +378,8 @@ class ImpactScenario(Scenario):
         return float(max(clear - lowest, 0.0)) / rising
 
     def unfinished(self, columns: Columns) -> str:
+        if self.falls_back:
+            return unfinished_bounces(columns, self.scene.impact.bounces)
         v = columns["com_vy"][-1]
         y = columns["lowest_y"][-1]
         name, damped = self.scene.material.dashpots
@@ -402,10 +405,9 @@ class ImpactScenario(Scenario):
         """Initial kinetic energy [M c^2] without the part of the flight along the
         wall."""
         lattice = self.lattice
-        disk = self.velocities[: self.lattice.disk_points]
-        return self.kinetic + 0.5 * float(
-            lattice.mean(((disk - lattice.mean(disk)) ** 2).sum(axis=1))
-        )
+        disk = self.velocities[: lattice.disk_points]
+        inner = ((disk - lattice.mean(disk)) ** 2).sum(axis=1)
+        return self.kinetic + 0.5 * float(lattice.mean(inner))
 
     @property
     def sensitivity(self) -> float:
@@ -435,8 +437,8 @@ class ImpactScenario(Scenario):
     def restitutions(self, columns: Columns) -> list[float]:
         """Return e of each bounce."""
         impact = self.scene.impact
-        before = self.speed_before
-        found = restitutions(columns, before, impact.gravity, self.surface)
+        speed = self.speed_before
+        found = restitutions(columns, speed, impact.gravity, self.surface)
         return found[: impact.bounces]
 
     def conclusion(self, columns: Columns) -> str:

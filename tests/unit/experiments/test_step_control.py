@@ -349,9 +349,7 @@ def test_three_successive_results_decide_whether_a_tolerance_is_met(
         (0.1, r"after 9 runs, .* this impact is chaotic\. A change of the start"),
     ],
 )
-def test_a_tolerance_that_no_step_keeps_is_a_failure_with_advice(
-    shift, message, kernels
-):
+def test_a_tolerance_that_no_step_keeps_fails_with_advice(shift, message, kernels):
     driver = drivers_of(kernels, *SMALL, "time.tolerance=3e-5")[-1]
     with pytest.raises(SimulationError, match=message):
         until_within_tolerance(driver, shift, [0.0, 1e-3] * 7)

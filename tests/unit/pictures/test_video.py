@@ -61,7 +61,7 @@ def test_colours_that_appear_late_in_a_gif_are_in_its_palette(tmp_path):
             assert np.abs(shown - picture[16, 16, :3]).max() <= 8
 
 
-def test_an_mp4_begins_with_its_index_and_has_key_pictures_and_the_colours_of_hd(
+def test_an_mp4_begins_with_its_index_and_has_key_pictures_and_colours_of_hd(
     tmp_path,
 ):
     path = tmp_path / "film.mp4"
