@@ -119,9 +119,7 @@ PROJECTORS = [((1920, 1080), 730), ((3840, 2160), 1450), ((1024, 768), 380)]
 
 @pytest.mark.validate
 @pytest.mark.parametrize(("size", "least"), PROJECTORS)
-def test_on_a_projector_the_disk_is_large_and_letters_grow_with_the_screen(
-    browser, size, least
-):
+def test_on_a_projector_the_disk_is_large_and_letters_grow_too(browser, size, least):
     browser.resize(size)
     smallest = """
 return Math.min(...[...document.querySelectorAll("main *")].filter((one) =>

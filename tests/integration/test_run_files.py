@@ -162,7 +162,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("words", "keys", "options"), CASES)
-def test_each_key_of_the_summary_is_there_under_its_condition(
+def test_each_key_is_there_under_its_condition(
     tmp_path, monkeypatch, words, keys, options
 ):
     monkeypatch.chdir(tmp_path)
