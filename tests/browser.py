@@ -12,11 +12,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -59,12 +57,12 @@ class Browser:
     """A browser. `driver` is selenium's; the sandbox's object of class Sandbox is
     `window.sandbox`."""
 
-    def __init__(self, size: tuple[int, int] = SIZE) -> None:
+    def __init__(self, size=SIZE):
         self._folder = tempfile.TemporaryDirectory()
         self.driver = self._started()
         self.resize(size)
 
-    def clear(self) -> None:
+    def clear(self):
         """Make the browser as it was at its start: no page, no errors, no files."""
         self.script(
             "if (/^(http|file):/.test(location.protocol)) sessionStorage.clear()"
@@ -77,7 +75,7 @@ class Browser:
             if file.suffix != ".log":  # of Firefox's driver
                 file.unlink()
 
-    def _started(self) -> Any:
+    def _started(self):
         from selenium import webdriver
         from selenium.webdriver.chrome.service import Service
 
@@ -91,12 +89,12 @@ class Browser:
         driver.execute_cdp_cmd("Browser.setDownloadBehavior", folder)
         return driver
 
-    def open(self, url: str) -> None:
+    def open(self, url):
         """Open the page, and wait for its first picture."""
         self.driver.get(url)
         self.wait(lambda: self.script("return Boolean(window.sandbox?.drawing.state)"))
 
-    def resize(self, size: tuple[int, int]) -> None:
+    def resize(self, size):
         metrics = {
             "width": size[0],
             "height": size[1],
@@ -105,27 +103,27 @@ class Browser:
         }
         self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
 
-    def emulate(self, media: str = "", features: Any = ()) -> None:
+    def emulate(self, media="", features=()):
         """Let the browser print, or have preferences of the system."""
         found = {"media": media, "features": list(features)}
         self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", found)
 
-    def connect(self, is_online: bool) -> None:
+    def connect(self, is_online):
         """Give the browser a network, or take it away."""
         self.driver.execute_cdp_cmd("Network.enable", {})
         limits = {"latency": 0, "downloadThroughput": -1, "uploadThroughput": -1}
         conditions = {"offline": not is_online} | limits
         self.driver.execute_cdp_cmd("Network.emulateNetworkConditions", conditions)
 
-    def script(self, code: str, *arguments: Any) -> Any:
+    def script(self, code, *arguments):
         return self.driver.execute_script(code, *arguments)
 
-    def say(self, kind: str, **more: Any) -> None:
+    def say(self, kind, **more):
         """Let the page send a message to the program."""
         self.script("sandbox.send(arguments[0])", {"do": kind} | more)
 
     @staticmethod
-    def wait(until: Callable[[], Any], seconds: float = 30.0) -> Any:
+    def wait(until, seconds=30.0):
         """Call `until` until its value is true, and return it."""
         end = time.monotonic() + seconds
         while not (found := until()):
@@ -133,27 +131,27 @@ class Browser:
             time.sleep(0.1)
         return found
 
-    def errors(self) -> list[Any]:
+    def errors(self):
         """Return the errors since the last call."""
         log = self.driver.get_log("browser")
         return [entry for entry in log if entry["level"] == "SEVERE"]
 
     # ---- what the page shows
 
-    def text(self, identity: str) -> str:
+    def text(self, identity):
         return str(
             self.script(f"return document.getElementById('{identity}').textContent")
         )
 
-    def state(self, name: str) -> float:
+    def state(self, name):
         return float(self.script(f"return window.sandbox.state.{name}"))
 
-    def results(self) -> list[dict[str, Any]]:
+    def results(self):
         # as text, because Firefox's driver rounds numbers
         text = self.script("return JSON.stringify(window.sandbox.panel.results)")
         return list(json.loads(text))
 
-    def setting(self, name: str) -> float:
+    def setting(self, name):
         """Return a value of the scene that would be saved."""
         found = re.search(
             rf"^  {name}:( \S+)",
@@ -163,22 +161,22 @@ class Browser:
         assert found
         return float(found[1])
 
-    def number(self, key: str) -> float:
+    def number(self, key):
         """Return the number in the field beside a slider."""
         field = f"[data-key='{key}'] input[type=text]"
         text = self.script(f'return document.querySelector("{field}").value')
         return float(text.replace(",", "."))
 
-    def picture(self, canvas: str = "sandbox.drawing.canvas") -> np.ndarray:
+    def picture(self, canvas="sandbox.drawing.canvas"):
         """Return what a canvas shows, (rows, columns, RGBA)."""
         data = base64.b64decode(self.script(f"return {canvas}.toDataURL()")[22:])
         return np.asarray(Image.open(io.BytesIO(data)).convert("RGBA")).astype(int)
 
-    def colours(self) -> int:
+    def colours(self):
         """Return the number of colours of the picture."""
         return len(np.unique(self.picture().reshape(-1, 4), axis=0))
 
-    def disk(self) -> tuple[tuple[int, int], int]:
+    def disk(self):
         """Return the centre of the disk and its radius [px]."""
         x, y, radius = self.script(
             "const { drawing, state } = sandbox;"
@@ -188,16 +186,16 @@ class Browser:
         )
         return (round(x), round(y)), round(radius)
 
-    def look(self, name: str) -> str:
+    def look(self, name):
         """Return an option of the drawing: theme, quantity or draw."""
         return str(self.script(f"return window.sandbox.drawing.options.{name}"))
 
-    def visible(self, name: str) -> bool:
+    def visible(self, name):
         """Whether a control, by its id or key, can be seen."""
         one = f'document.querySelector(\'[id="{name}"], [data-key="{name}"]\')'
         return bool(self.script(f"return {one}.checkVisibility()"))
 
-    def downloaded(self, name: str) -> Path | None:
+    def downloaded(self, name):
         """Return the path of a whole downloaded file, or None."""
         path = Path(self._folder.name, name)
         # Firefox makes the file empty, and fills it when the download is complete.
@@ -207,20 +205,20 @@ class Browser:
 
     # ---- what a user does
 
-    def click(self, identity: str) -> None:
+    def click(self, identity):
         self.script(f"document.getElementById('{identity}').click()")
 
-    def close_lists(self) -> None:
+    def close_lists(self):
         self.script(
             "for (const one of document.querySelectorAll('dialog[open]')) one.close()"
         )
 
-    def key(self, name: str, seconds: float = 0.05) -> None:
+    def key(self, name, seconds=0.05):
         from selenium.webdriver.common.action_chains import ActionChains
 
         ActionChains(self.driver).key_down(name).pause(seconds).key_up(name).perform()
 
-    def lead(self, key: str, place: int) -> None:
+    def lead(self, key, place):
         """Move a slider to a place from 0 to 1000."""
         slider = f"[data-key='{key}'] input[type=range]"
         self.script(
@@ -232,28 +230,21 @@ class Browser:
         )
         time.sleep(0.5)
 
-    def type(self, key: str, text: str) -> None:
+    def type(self, key, text):
         field = self.driver.find_element(
             "css selector", f"[data-key='{key}'] input[type=text]"
         )
         self.driver.execute_script("arguments[0].select()", field)
         field.send_keys(text + "\ue007")
 
-    def choose(self, key: str, word: str) -> None:
+    def choose(self, key, word):
         self.script(
             f"const one = document.querySelector('.choice[data-key=\"{key}\"] select');"
             f"one.value = '{word}'; one.onchange()"
         )
         time.sleep(0.5)
 
-    def drag(
-        self,
-        start: tuple[int, int],
-        end: tuple[int, int],
-        pause: float = 0.3,
-        button: int = 0,
-        touch: bool = False,
-    ) -> None:
+    def drag(self, start, end, pause=0.3, button=0, touch=False):
         from selenium.webdriver.common.actions.action_builder import ActionBuilder
         from selenium.webdriver.common.actions.pointer_input import PointerInput
 
@@ -264,7 +255,7 @@ class Browser:
         pointer.move_to_location(*end).pause(pause).pointer_up(button=button)
         builder.perform()
 
-    def trace(self, places: Any) -> None:
+    def trace(self, places):
         """Drag along `places` (n, 2) [px]."""
         from selenium.webdriver.common.actions.action_builder import ActionBuilder
 
@@ -276,7 +267,7 @@ class Browser:
         builder.pointer_action.pointer_up()
         builder.perform()
 
-    def drag_in(self, identity: str, start: float, end: float) -> None:
+    def drag_in(self, identity, start, end):
         """Drag across a graph, from one fraction of its width to another."""
         left, top, width, height = self.script(
             f"const graph = document.getElementById('{identity}');"
@@ -290,7 +281,7 @@ class Browser:
 class Firefox(Browser):
     """The same page in Firefox."""
 
-    def _started(self) -> Any:
+    def _started(self):
         from selenium import webdriver
         from selenium.webdriver.firefox.service import Service
 
@@ -308,18 +299,18 @@ class Firefox(Browser):
         service = Service(str(driver), log_output=str(self._log))
         return webdriver.Firefox(options, service)
 
-    def resize(self, size: tuple[int, int]) -> None:
+    def resize(self, size):
         """Give the page a size: the window is larger by its frame."""
         self.driver.set_window_size(*size)
         inner = self.script("return [innerWidth, innerHeight]")
         frame = [asked - found for asked, found in zip(size, inner, strict=True)]
         self.driver.set_window_size(size[0] + frame[0], size[1] + frame[1])
 
-    def emulate(self, media: str = "", features: Any = ()) -> None:
+    def emulate(self, media="", features=()):
         assert not media, "Chromium can"
         assert not features, "Chromium can"
 
-    def errors(self) -> list[Any]:
+    def errors(self):
         lines = self._log.read_text(encoding="utf-8", errors="replace").splitlines()
         new = lines[self._lines_read :]
         self._lines_read = len(lines)
@@ -334,7 +325,7 @@ Served = tuple[subprocess.Popen[str], str]
 
 
 @contextmanager
-def serving(folder: Path, *arguments: str) -> Iterator[Served]:
+def serving(folder, *arguments):
     """Yield `view` with these arguments, on a machine without display and Vulkan, and
     its address."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
@@ -358,7 +349,7 @@ def serving(folder: Path, *arguments: str) -> Iterator[Served]:
         program.communicate()
 
 
-def ended(program: subprocess.Popen[str], number: int = signal.SIGTERM) -> str:
+def ended(program, number=signal.SIGTERM):
     """End the program by a signal, and return what it wrote to stderr."""
     program.send_signal(number)
     printed = program.communicate(timeout=30)[1]

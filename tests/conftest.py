@@ -28,16 +28,14 @@ SANDBOX = {
 }
 
 
-def pytest_addoption(parser: pytest.Parser) -> None:
+def pytest_addoption(parser):
     parser.addoption("--validate", action="store_true", help="also run the long checks")
     parser.addoption(
         "--record", action="store_true", help="write tests/looks anew, see shown.py"
     )
 
 
-def pytest_collection_modifyitems(
-    config: pytest.Config, items: list[pytest.Item]
-) -> None:
+def pytest_collection_modifyitems(config, items):
     """Skip the long checks unless they are requested.
 
     Two processes share the tests, and each begins with its half. The folder of long
@@ -58,7 +56,7 @@ def pytest_collection_modifyitems(
     )
 
 
-def pytest_sessionfinish() -> None:
+def pytest_sessionfinish():
     """Let Taichi save its kernels, so that the next session finds them compiled."""
     from taichi_disk.base import engine
 

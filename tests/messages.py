@@ -7,7 +7,6 @@ values.
 
 import ast
 import sys
-from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
 
@@ -15,7 +14,7 @@ PACKAGE = Path(__file__).parents[1] / "taichi_disk"
 WORDS = 4
 
 
-def texts(tree: ast.AST) -> Iterator[tuple[int, str]]:
+def texts(tree):
     """Yield (line, text), without strings that are statements, such as docstrings."""
     parts = set()
     for node in ast.walk(tree):  # parts come after their whole
@@ -30,7 +29,7 @@ def texts(tree: ast.AST) -> Iterator[tuple[int, str]]:
             yield node.lineno, str(node.value)
 
 
-def main(folders: list[str]) -> None:
+def main(folders):
     paths = [*chain.from_iterable((PACKAGE / one).rglob("*.py") for one in folders)]
     for path in sorted(paths):
         tree = ast.parse(path.read_text(encoding="utf-8"))

@@ -14,11 +14,7 @@ from itertools import groupby
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import Collection
 from matplotlib.colors import to_hex, to_rgb
-from matplotlib.legend import Legend
-from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
 from taichi_disk.pictures.curves import ENERGIES, FORCE
@@ -206,7 +202,7 @@ def points(figure, pixels):
     return " ".join(f"{unit * one:.0f}." for one in np.ravel(pixels))
 
 
-def _of_axes(ax: Axes):
+def _of_axes(ax):
     figure = ax.figure
     box = points(figure, ax.get_window_extent().extents)
     parts = [f"axes {box} {to_hex(ax.get_facecolor())}"]
@@ -246,7 +242,7 @@ def _of_axes(ax: Axes):
         yield from _of_legend(ax.get_legend())
 
 
-def _style(line: Line2D):
+def _style(line):
     name = line.get_label()
     if name.startswith("_"):  # by Matplotlib
         name = ""
@@ -256,7 +252,7 @@ def _style(line: Line2D):
     return f"curve {name!r} {colour} {style} {marker} {line.get_clip_on()}"
 
 
-def _of_collection(one: Collection):
+def _of_collection(one):
     name = type(one).__name__
     data = ""
     if one.get_array() is not None:
@@ -268,7 +264,7 @@ def _of_collection(one: Collection):
     return f"{name} {numbers(one.get_linewidths())} {data} {place}"
 
 
-def _of_text(name, text: Text):
+def _of_text(name, text):
     colour = to_hex(text.get_color())
     pixels = text.get_transform().transform(text.get_position())
     place = points(text.figure, pixels)
@@ -278,7 +274,7 @@ def _of_text(name, text: Text):
     )
 
 
-def _of_legend(legend: Legend):
+def _of_legend(legend):
     texts = legend.get_texts()
     places = np.array([text.get_window_extent().min for text in texts])
     columns = len(np.unique(places[:, 0].round()))

@@ -6,7 +6,6 @@ import tempfile
 from pathlib import Path
 
 from taichi_disk.pictures.web.drawing import DRAWING, FILM, bundle, source
-from tests.browser import Browser
 
 FOLDER = Path(__file__).with_name("stage")
 SANDBOX = (
@@ -31,14 +30,14 @@ figure canvas { width: 400px; height: 350px; }
 """
 
 
-def sandbox() -> str:
+def sandbox():
     """Return the sandbox's page, to which sandbox.js plays the program and the user."""
     main = part("index.html", "<main.*</main>")
     modules = bundle(*DRAWING, *SANDBOX)
     return staged(main, f"{modules} {{ {acts('sandbox.js')} }}")
 
 
-def film() -> str:
+def film():
     """Return a film of film.js, and what a user does with it."""
     main = part("film.html", r"<main.*(?=<script type=.module)")
     modules = bundle(*FILM)
@@ -46,16 +45,16 @@ def film() -> str:
     return staged(main, f"{acts('film.js')} await packFilm(); {modules} {{ {end} }}")
 
 
-def part(name: str, pattern: str) -> str:
+def part(name, pattern):
     (found,) = re.findall(pattern, source(name), re.DOTALL)
     return str(found)
 
 
-def acts(name: str) -> str:
+def acts(name):
     return (FOLDER / name).read_text(encoding="utf-8")
 
 
-def staged(main: str, module: str) -> str:
+def staged(main, module):
     """Return a page with a stage, on which a module runs."""
     return (
         f"<!doctype html><meta charset=utf-8><style>{STYLE}</style>{main}"
@@ -64,7 +63,7 @@ def staged(main: str, module: str) -> str:
     )
 
 
-def played(browser: Browser, page: str) -> list[str]:
+def played(browser, page):
     """Return the lines that a page notes."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "page.html")

@@ -86,16 +86,13 @@ def can_start_python() -> bool:
 def foreign_packages() -> str:
     """Return which packages come from folders in PYTHONPATH, as modules of a cluster
     and ROS set it, with what helps; "" if there are none."""
+    folders = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    known = [os.path.abspath(folder) for folder in folders if folder]
     found = []
-    for folder in filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep)):
-        for name in ("numpy", "scipy", "yaml"):
-            spec = find_spec(name)
-            if (
-                spec
-                and spec.origin
-                and Path(folder).absolute() in Path(spec.origin).parents
-            ):
-                found.append(f"{name} is {spec.origin}")
+    for name in ("numpy", "scipy", "yaml"):
+        origin = str(getattr(find_spec(name), "origin", ""))
+        if origin.startswith(tuple(known)):
+            found.append(f"{name} is {origin}")
     if not found:
         return ""
     return f"by PYTHONPATH, {', '.join(found)}; try again after: unset PYTHONPATH"

@@ -188,53 +188,54 @@ class Controls:
         self._take_pace()
         self.actions: dict[str, Callable[[], None]] = {}
         self.reference: list[tuple[str, str]] = []
+        add = self.add
         scale = self._scale
-        self.add("space", "throw, pause, go on", sandbox.pause)
-        self.add("r", "back to the start", sandbox.begin)
-        self.add("h", "hit again", sandbox.hit_again)
-        self.add("Left Right", "back and forth in time", sandbox.step, -1, 1)
-        self.add("s m", "time slower, faster", partial(scale, "speed"), *FACTORS[::-1])
-        self.add(
+        add("space", "throw, pause, go on", sandbox.pause)
+        add("r", "back to the start", sandbox.begin)
+        add("h", "hit again", sandbox.hit_again)
+        add("Left Right", "back and forth in time", sandbox.step, -1, 1)
+        add("s m", "time slower, faster", partial(scale, "speed"), *FACTORS[::-1])
+        add(
             "y",
             "slow motion in contact",
             lambda: setattr(sandbox, "slow", not sandbox.slow),
         )
-        self.add(
+        add(
             "e d",
             "viscosity up, down",
             lambda factor: scale(self.dashpot_key, factor),
             *FACTORS,
         )
-        self.add(
+        add(
             "Up Down",
             "speed or load up, down",
             lambda factor: scale(load_key(sandbox.scene), factor),
             *FACTORS,
         )
-        self.add("a z", "wall harder, softer", partial(scale, "wall.a"), *FACTORS)
-        self.add(
+        add("a z", "wall harder, softer", partial(scale, "wall.a"), *FACTORS)
+        add(
             "j k",
             "fewer, more mass points",
             partial(scale, "lattice.points"),
             *POINT_FACTORS,
         )
-        self.add(
+        add(
             "l",
             "another random lattice",
             lambda: sandbox.set("lattice.seed", sandbox.scene.lattice.seed + 1),
         )
-        self.add("x", "boundary of the elastic wall", self._next, "wall.boundary")
-        self.add(
+        add("x", "boundary of the elastic wall", self._next, "wall.boundary")
+        add(
             "b n",
             "scene before, after this one",
             lambda step: self.play(self.number + step),
             -1,
             1,
         )
-        self.add("c", "quantity shown by colours", self._next, "video.colour")
-        self.add("o", "field, springs, both, points", self._next, "video.draw")
-        self.add("t", "light or dark", self._next, "video.theme")
-        self.add("Escape", "let go of the disk", sandbox.release)
+        add("c", "quantity shown by colours", self._next, "video.colour")
+        add("o", "field, springs, both, points", self._next, "video.draw")
+        add("t", "light or dark", self._next, "video.theme")
+        add("Escape", "let go of the disk", sandbox.release)
 
     def add(
         self, keys: str, meaning: str, act: Callable[..., None], *values: Any

@@ -15,15 +15,11 @@ import numpy as np
 from taichi_disk import run
 from taichi_disk.base.engine import ti
 
-INIT = {
-    "exact": {"default_fp": ti.f64, "fast_math": False},
-    "defaults": {},
-    "f32": {},
-}
+INIT = {"exact": {"default_fp": ti.f64, "fast_math": False}, "defaults": {}, "f32": {}}
 VALUES = np.arange(1.0, 9.0).reshape(4, 2)
 
 
-def bits(scenes: int) -> list[dict[str, bytes]]:
+def bits(scenes):
     """Return all bits that a run of each of `scenes` scenes computes."""
     runs = (
         partial(run, "exponential_wall", points=60, viscosity=0.0091, lattices=1),
@@ -39,7 +35,7 @@ def bits(scenes: int) -> list[dict[str, bytes]]:
 class Own:
     """Fields and kernels of the kinds that people write."""
 
-    def __init__(self, real) -> None:
+    def __init__(self, real):
         vec2 = ti.types.vector(2, real)
         x = self.x = ti.Vector.field(2, real, 4)
         v = self.v = ti.Vector.field(2, real, 4)
@@ -86,7 +82,7 @@ class Own:
         self.total = total
         self.real = real
 
-    def check(self) -> None:
+    def check(self):
         """Raise AssertionError if a kernel or an access to a field is wrong."""
         x = self.x
         x.from_numpy(VALUES.astype(ti.lang.util.to_numpy_type(self.real)))
@@ -108,11 +104,11 @@ class Own:
         self.v.fill(5.0)
         self.expect(5.0)
 
-    def expect(self, values) -> None:
+    def expect(self, values):
         assert np.allclose(self.v.to_numpy(), values, atol=1e-5), self.v.to_numpy()
 
 
-def main(starts: list[str]) -> None:
+def main(starts):
     alone = None
     scenes = min(len(starts), 2)  # one start is for a quick test
     for start in starts:

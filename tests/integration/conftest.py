@@ -2,28 +2,18 @@
 runs without a plot."""
 
 import os
-from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
 
-from tests.browser import (
-    BROWSERS,
-    MISSING_BROWSERS,
-    SETTINGS,
-    Browser,
-    Served,
-    ended,
-    serving,
-)
+from tests.browser import BROWSERS, MISSING_BROWSERS, SETTINGS, ended, serving
 
 
 @pytest.fixture(scope="session")
-def browsers() -> Iterator[Callable[[str], Browser]]:
+def browsers():
     """Return a function that returns the browser of a name as it was at its start."""
-    started: dict[str, Browser] = {}
+    started = {}
 
-    def browser_of(name: str) -> Browser:
+    def browser_of(name):
         missing = MISSING_BROWSERS[name]
         if missing and os.environ.get("CI"):
             pytest.fail(f"the page cannot be tested: {missing}")
@@ -40,19 +30,17 @@ def browsers() -> Iterator[Callable[[str], Browser]]:
 
 
 @pytest.fixture
-def browser(browsers: Callable[[str], Browser]) -> Browser:
+def browser(browsers):
     return browsers("chromium")
 
 
 @pytest.fixture(params=BROWSERS)
-def each_browser(
-    browsers: Callable[[str], Browser], request: pytest.FixtureRequest
-) -> Browser:
+def each_browser(browsers, request):
     return browsers(request.param)
 
 
 @pytest.fixture
-def served(tmp_path: Path) -> Iterator[Served]:
+def served(tmp_path):
     """The program with the scenes of the list, and its address.
 
     It must end by a signal without a traceback.
@@ -65,7 +53,7 @@ def served(tmp_path: Path) -> Iterator[Served]:
 
 
 @pytest.fixture
-def without_plots(monkeypatch: pytest.MonkeyPatch) -> None:
+def without_plots(monkeypatch):
     """Leave plot.png empty: to draw it takes longer than most runs of the tests."""
     import matplotlib  # noqa: F401 (then this process draws, which is patched)
 

@@ -1,7 +1,6 @@
 """`taichi-disk accuracy`: its sentence, tables and picture."""
 
 import csv
-from pathlib import Path
 
 import pytest
 
@@ -10,13 +9,13 @@ from taichi_disk.cli import main
 from taichi_disk.studies.accuracy import steps, study
 
 
-def accuracy(out: Path, scene: str, *settings: str) -> int:
+def accuracy(out, scene, *settings):
     changes = [f"--set={one}" for one in ("lattice.points=30", *settings)]
     return main(["accuracy", scene, "--out", str(out), *changes])
 
 
 @pytest.fixture(autouse=True)
-def few(monkeypatch: pytest.MonkeyPatch) -> None:
+def few(monkeypatch):
     monkeypatch.setattr(steps, "FRACTIONS", (0.8, 0.4))
     monkeypatch.setattr(steps, "REPEATS", 1)
     monkeypatch.setattr(study, "SEEDS", 3)
@@ -35,9 +34,7 @@ def test_accuracy_does_not_write_into_the_folder_of_a_run(tmp_path, capsys):
 
 
 @pytest.mark.validate
-def test_a_user_s_step_too_long_for_finer_lattices_still_gives_a_report(
-    tmp_path, capsys
-):
+def test_a_step_too_long_for_finer_lattices_still_gives_a_report(tmp_path, capsys):
     assert accuracy(tmp_path, "exponential_wall", "time.dt=0.04") == 0
     first, *rest = capsys.readouterr().out.splitlines()
     assert first.startswith("restitution: time step ")
@@ -59,9 +56,7 @@ def test_a_user_s_step_too_long_for_finer_lattices_still_gives_a_report(
         ("wall.friction=0.1", "wall.friction: must be 0"),
     ],
 )
-def test_what_cannot_be_measured_is_refused_before_anything_is(
-    setting, reason, tmp_path, capsys
-):
+def test_what_cannot_be_measured_is_refused_at_once(setting, reason, tmp_path, capsys):
     assert accuracy(tmp_path / "out", "exponential_wall", setting) == 2
     assert reason in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

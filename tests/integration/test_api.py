@@ -33,11 +33,11 @@ SCENE = load_scene("exponential_wall").with_(SMALL)
 
 
 @pytest.fixture(scope="module")
-def result() -> Result:
+def result():
     return run(SCENE, lattices=1)
 
 
-def alone(scene=SCENE, *more, **options) -> Result:
+def alone(scene=SCENE, *more, **options):
     """Run a scene on its own lattice, without a film."""
     return run(scene, *more, **{"video": False, "lattices": 1} | options)
 
@@ -98,9 +98,7 @@ def test_a_field_is_that_of_its_state_and_at_points_has_a_value_for_each(result)
         _ = result.xi
 
 
-def test_the_disk_is_pushed_hardest_and_stands_lowest_at_the_greatest_compression(
-    result,
-):
+def test_a_disk_is_pushed_hardest_and_stands_lowest_at_the_greatest_compression(result):
     state = result.greatest_compression
     heights = [x[:, 1].mean() for x in result.trajectory(result.series["t"][::5])[1]]
     assert state.positions[:, 1].mean() < min(heights) + 1e-3
@@ -133,15 +131,13 @@ def test_run_changes_keys_like_with_and_writes_nothing_unless_a_folder_is_named(
         ("progres", "progress"),
     ],
 )
-def test_a_misspelt_keyword_argument_of_run_is_answered_by_the_nearest_name(
-    keyword, meant
-):
+def test_a_misspelt_keyword_of_run_is_answered_by_the_nearest_name(keyword, meant):
     answer = rf"^{keyword}: unknown (key|argument of run); did you mean {meant}\?$"
     with pytest.raises(InputError, match=answer):
         run("exponential_wall", **{keyword: 1})
 
 
-def test_a_saved_result_is_loaded_bitwise_the_same_and_its_summary_names_its_film(
+def test_a_saved_result_is_loaded_bitwise_and_its_summary_names_a_film(
     result, tmp_path
 ):
     for array in (result.series["t"], result.positions, result.velocities):
@@ -352,7 +348,7 @@ def test_the_environment_says_how_many_threads_where_nobody_else_does(number):
     ],
 )
 @pytest.mark.validate
-def test_a_progress_callback_receives_every_stage_from_its_beginning(
+def test_a_progress_callback_gets_every_stage_from_its_start(
     kind, keys, stages, tmp_path
 ):
     calls = []
@@ -520,7 +516,7 @@ OWN = {
 }
 
 
-def assert_same(one: Result, other: Result) -> None:
+def assert_same(one, other):
     assert one.numbers == other.numbers
     assert one.series.keys() == other.series.keys()
     assert all(

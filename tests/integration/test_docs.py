@@ -7,7 +7,6 @@ checked, never run.
 
 import re
 import shlex
-from collections.abc import Iterator
 from inspect import signature
 from pathlib import Path
 
@@ -31,7 +30,7 @@ WRITTEN = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]\d+)?")
 every_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 
 
-def blocks(page: Path, language: str) -> Iterator[tuple[str, str]]:
+def blocks(page, language):
     """Yield (remark, text) of each block in a language."""
     return (
         (remark.strip(), text)
@@ -40,11 +39,11 @@ def blocks(page: Path, language: str) -> Iterator[tuple[str, str]]:
     )
 
 
-def prose(page: Path) -> str:
+def prose(page):
     return BLOCK.sub("", page.read_text("utf-8"))
 
 
-def commands(page: Path) -> Iterator[tuple[bool, list[str]]]:
+def commands(page):
     """Yield (whether it may run, arguments) of each `taichi-disk` command of a page, in
     sh blocks or in a line."""
     for text in INLINE.findall(prose(page)):

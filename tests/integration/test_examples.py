@@ -11,11 +11,11 @@ pytestmark = pytest.mark.validate
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 
 
-def output_of(name: str, *arguments: str) -> str:
+def output_of(name, *arguments):
     return printed_by(EXAMPLES / f"{name}.py", *arguments)
 
 
-def numbers(pattern: str, text: str) -> tuple[float, ...]:
+def numbers(pattern, text):
     found = re.search(pattern, text)
     assert found, text
     return tuple(map(float, found.groups()))

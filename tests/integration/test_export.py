@@ -217,9 +217,7 @@ def test_xyz_is_lines_that_can_be_read_without_a_library(tmp_path):
         close(last[f"springs_{name}"][7, 0], true[name][at].mean())
 
 
-def test_what_cannot_be_exported_is_refused_before_anything_is_computed(
-    tmp_path, monkeypatch
-):
+def test_what_cannot_be_exported_is_refused_before_a_run(tmp_path, monkeypatch):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").touch()
     for name, format, message in (

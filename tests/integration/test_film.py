@@ -184,9 +184,7 @@ def test_a_film_has_the_pictures_asked_for_and_the_same_bytes_and_is_whole_or_as
 
 
 @needs_vulkan
-def test_a_gif_is_small_unless_its_size_is_given_and_as_fast_as_browsers_show(
-    run, tmp_path
-):
+def test_a_gif_is_small_unless_asked_and_as_fast_as_browsers_show(run, tmp_path):
     size = {}
     counts = {}
     for name, keys in (
@@ -261,9 +259,7 @@ def test_the_disk_in_the_film_moves_as_its_centre_of_mass_does(run, tmp_path):
     assert abs(middles[0] - middles[-1]) < 0.95
 
 
-def test_the_film_holds_at_the_greatest_compression_and_ends_with_the_result(
-    run, tmp_path
-):
+def test_a_film_holds_at_the_greatest_compression_and_ends_with_e(run, tmp_path):
     result = f"*e = {run.scenario.result(run.series)['restitution']:.3f}"
     words = words_of(tmp_path / "film", run, seconds=4)
     end = run.contact.end
@@ -291,9 +287,7 @@ def test_the_film_holds_at_the_greatest_compression_and_ends_with_the_result(
     assert pace.max() > 4.0 * pace.min()
 
 
-def test_a_page_with_few_states_of_many_points_says_its_own_pace(
-    run, tmp_path, monkeypatch
-):
+def test_a_page_with_few_states_says_its_own_pace(run, tmp_path, monkeypatch):
     monkeypatch.setattr("taichi_disk.pictures.web.film._STATES", 1)
     words = words_of(tmp_path / "film", run, seconds=8)
     assert len(words) == 40  # in the place of 80
@@ -304,9 +298,7 @@ def test_a_page_with_few_states_of_many_points_says_its_own_pace(
 
 @pytest.mark.parametrize("eta_star", [0, 0.1])
 @pytest.mark.parametrize("speed", [0.05, 0.1])
-def test_the_ringing_is_shown_about_half_as_strong_as_the_greatest_compression(
-    speed, eta_star
-):
+def test_ringing_is_shown_about_half_as_strong_as_the_compression(speed, eta_star):
     scene = load_scene("exponential_wall", ["lattice.points=150"])
     run = api.run(scene.with_(velocity=speed, eta_star=eta_star), lattices=1)
     lattice = run.lattice
@@ -386,9 +378,7 @@ def test_runs_side_by_side_are_named_by_what_sets_them_apart():
 
 
 @needs_vulkan
-def test_a_part_of_a_film_begins_and_ends_where_asked_at_the_pace_of_the_whole(
-    run, tmp_path
-):
+def test_a_part_of_a_film_begins_and_ends_where_asked_at_its_pace(run, tmp_path):
     part = Span(start="contact", end="greatest")
     words = words_of(tmp_path / "part", run, part, seconds=2)
     start = time_of("contact", run)
@@ -439,9 +429,7 @@ def test_a_compression_begins_with_no_minus_and_the_whole_disk_on_a_soft_wall():
         pytest.param(".webm", 3000, marks=pytest.mark.validate),
     ],
 )
-def test_a_full_file_system_is_reported_and_leaves_no_film(
-    run, tmp_path, monkeypatch, suffix, room
-):
+def test_a_full_file_system_leaves_no_film(run, tmp_path, monkeypatch, suffix, room):
     # of this process, which later tests need
     monkeypatch.setattr("taichi_disk.pictures.render.artist._shares_memory", True)
     # A limit on file sizes simulates a full disk: the same system error in the same
@@ -544,9 +532,7 @@ def test_without_vulkan_the_message_names_the_remedy(tmp_path):
 
 
 @pytest.mark.parametrize(("spin", "eta_star"), [(0.3, 10), (0.5, 0)])
-def test_the_greatest_compression_of_a_spinning_disk_is_where_it_turns_back(
-    spin, eta_star
-):
+def test_a_spinning_disk_is_compressed_most_where_it_turns_back(spin, eta_star):
     changes = {"points": 60, "spin": spin, "eta_star": eta_star}
     scene = load_scene("exponential_wall").with_(**changes)
     run = api.run(scene, lattices=1)

@@ -5,21 +5,19 @@ import json
 import re
 import secrets
 import socket
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import Awaitable, Callable
 from contextlib import asynccontextmanager
 from functools import partial
 from threading import Event
-from typing import Any
 from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from websockets.asyncio.client import ClientConnection, connect
+from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
 from taichi_disk.base.errors import InputError
 from taichi_disk.experiments.scenes import load_scene
-from taichi_disk.mechanics.simulation.simulation import KernelCache
 from taichi_disk.sandbox import server
 from taichi_disk.sandbox.controls import Preset
 from taichi_disk.sandbox.server import Sessions
@@ -33,11 +31,11 @@ Act = Callable[[int], Awaitable[None]]  # what visitors do, given the port
 
 
 @pytest.fixture
-def sessions(kernels: KernelCache) -> Sessions:
+def sessions(kernels):
     return Sessions(2 * PLAYLIST, kernels)
 
 
-def handshake(port: int) -> bytes:
+def handshake(port):
     """The request with which a page opens its websocket."""
     lines = (
         "GET /secret/socket HTTP/1.1",
@@ -54,16 +52,16 @@ def handshake(port: int) -> bytes:
 class Guest:
     """A page without a browser, over a real socket."""
 
-    def __init__(self, connection: ClientConnection) -> None:
+    def __init__(self, connection):
         self.connection, self.number = connection, 0
 
-    async def say(self, kind: str, **more: Any) -> None:
+    async def say(self, kind, **more):
         await self.connection.send(json.dumps({"do": kind} | more))
 
-    async def see(self, states: int = 1) -> None:
+    async def see(self, states=1):
         """Take what comes up to a state, and draw that."""
         for _ in range(states):
-            message: str | bytes = ""
+            message = ""
             while isinstance(message, str):
                 message = await asyncio.wait_for(self.connection.recv(), 10.0)
             self.number = int(np.frombuffer(message, "<f4", 1)[0])
@@ -71,7 +69,7 @@ class Guest:
 
 
 @asynccontextmanager
-async def guest(port: int, key: str = "", **options: Any) -> AsyncIterator[Guest]:
+async def guest(port, key="", **options):
     key = key or secrets.token_hex()
     address = f"ws://127.0.0.1:{port}/secret/socket?{key}"
     async with connect(
@@ -80,11 +78,11 @@ async def guest(port: int, key: str = "", **options: Any) -> AsyncIterator[Guest
         yield Guest(connection)
 
 
-def visited(sessions: Sessions, act: Act) -> None:
+def visited(sessions, act):
     """Serve a sandbox while visitors act; whoever comes afterwards must be served and
     play."""
 
-    async def visit() -> None:
+    async def visit():
         with socket.create_server(("127.0.0.1", 0), backlog=128) as listening:
             port = listening.getsockname()[1]
             serving = asyncio.create_task(server.run(sessions, "secret", listening))
@@ -106,7 +104,7 @@ RUBBISH = ["", "}" * 9, "[" * 500, "\0", "😀", b"\xff" * MAX_BYTES, '{"do": 1}
 
 
 def test_rubbish_is_ignored_and_a_message_that_is_too_long_ends_its_page(sessions):
-    async def act(port: int) -> None:
+    async def act(port):
         async with guest(port, "1") as vandal:
             await vandal.see()
             for message in 50 * RUBBISH:
@@ -123,7 +121,7 @@ def test_rubbish_is_ignored_and_a_message_that_is_too_long_ends_its_page(session
 
 
 def test_pages_that_are_silent_do_not_hold_up_the_end(sessions):
-    async def visit() -> None:
+    async def visit():
         with socket.create_server(("127.0.0.1", 0)) as listening:
             port = listening.getsockname()[1]
             serving = asyncio.create_task(server.run(sessions, "secret", listening))
@@ -141,7 +139,7 @@ def test_pages_that_are_silent_do_not_hold_up_the_end(sessions):
 
 
 @pytest.fixture
-def quick(monkeypatch: pytest.MonkeyPatch, kernels: KernelCache) -> None:
+def quick(monkeypatch, kernels):
     """Let servers compile nothing anew, and leave the garbage of tests."""
     monkeypatch.setattr(server, "KernelCache", lambda: kernels)
     monkeypatch.setattr(server, "gc", Mock())
@@ -155,7 +153,7 @@ def test_a_server_prints_an_address_that_answers(monkeypatch, capsys, host, prin
     if ":" in host and not socket.has_dualstack_ipv6():
         pytest.skip("no IPv6")
 
-    async def serving(_sessions: Any, _token: Any, listening: socket.socket) -> None:
+    async def serving(_sessions, _token, listening):
         port = listening.getsockname()[1]
         socket.create_connection((host, port), 5.0).close()
 
@@ -174,13 +172,13 @@ def test_an_empty_host_does_not_listen_everywhere():
 @pytest.mark.validate
 def test_a_browser_in_the_foreground_does_not_hold_up_the_server(monkeypatch, capfd):
     is_closed = Event()
-    opened: list[str] = []
+    opened = []
 
-    def browse(address: str) -> None:
+    def browse(address):
         opened.append(address)
         is_closed.wait(20.0)
 
-    async def serving(*_: Any) -> None:
+    async def serving(*_):
         for _ in range(100):
             if opened:
                 return

@@ -6,7 +6,6 @@ import re
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
@@ -19,7 +18,6 @@ from taichi_disk.cli import main
 from taichi_disk.mechanics.fields import QUANTITIES, Triangles, at_points
 from taichi_disk.pictures.render import artist
 from taichi_disk.runs import api
-from tests.browser import Browser
 
 
 @pytest.fixture(scope="module")
@@ -93,9 +91,7 @@ def test_states_survive_the_packing_to_a_thousandth_of_r(folder):
         assert shown == pytest.approx(expected, abs=0.03 * levels), name
 
 
-def test_curves_have_units_and_a_value_for_each_time_so_that_a_pause_is_no_plateau(
-    folder,
-):
+def test_curves_have_units_and_a_value_for_each_time_and_a_pause_is_no_plateau(folder):
     film, _ = packed(folder / "film.html")
     assert film["titles"] == [
         "normal velocity over initial",
@@ -145,12 +141,9 @@ def test_a_film_needs_no_vulkan(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("trial", "state"),
-    [
-        (os.abort, "crashed with SIGABRT"),
-        (signal.pause, "did not answer for 0.2 s"),
-    ],
+    [(os.abort, "crashed with SIGABRT"), (signal.pause, "did not answer for 0.2 s")],
 )
-def test_a_driver_that_crashes_or_hangs_costs_no_number(
+def test_a_driver_that_fails_or_hangs_costs_no_number(
     tmp_path, monkeypatch, trial, state
 ):
     monkeypatch.setattr(artist, "driver_state", trial)
@@ -191,7 +184,7 @@ return [...document.querySelectorAll("canvas")].filter((one) => one.offsetWidth
 
 
 @pytest.fixture
-def browser(browsers: Callable[[str], Browser]) -> Iterator[Browser]:
+def browser(browsers):
     """A browser without a network."""
     browser = browsers("chromium")
     browser.connect(False)
@@ -207,9 +200,7 @@ def opened(browser, path, size=(1000, 700)):
     browser.driver.execute_async_script(WAIT_FOR_FILM)
 
 
-def test_compared_runs_have_dashes_and_a_key_and_each_theme_its_own_colours(
-    browser, folder
-):
+def test_compared_runs_have_dashes_and_a_key_and_a_theme_its_colours(browser, folder):
     result = api.Result.load(folder, estimate=False)
     path = folder.with_name("two.html")
     result.film(path, compare=[result], labels=["one", "two"], fps=5, seconds=4)
@@ -288,9 +279,7 @@ def test_without_a_script_a_sentence_says_so_and_no_control_is_seen(browser, fol
     assert not browser.visible("throw")  # of what was recorded
 
 
-def test_on_paper_no_circle_is_an_ellipse_and_forced_colours_leave_the_picture(
-    browser, folder
-):
+def test_on_paper_circles_are_round_and_forced_colours_leave_pictures(browser, folder):
     opened(browser, folder / "film.html", (834, 640))
     browser.emulate(media="print")
     browser.resize((500, 700))
@@ -321,9 +310,7 @@ return [...small, ...low, ...nameless].map((one) => one.outerHTML)"""
 
 @pytest.mark.validate
 @pytest.mark.parametrize("size", [(390, 844), (844, 390), (768, 1024), (1280, 800)])
-def test_on_a_screen_of_any_size_no_text_is_small_and_nothing_scrolls_sideways(
-    browser, folder, size
-):
+def test_on_any_screen_no_text_is_small_or_scrolls_sideways(browser, folder, size):
     opened(browser, folder / "film.html", size)
     browser.script(MOVE, 30)
     browser.script("document.getElementById('looking').open = true")
@@ -474,9 +461,7 @@ def test_an_address_is_read_as_people_write_it_or_named(browser, thrown):
 
 @pytest.mark.validate
 @pytest.mark.parametrize("kind", ["chromium", "firefox"])
-def test_hostile_addresses_throw_the_films_own_disk_or_a_part_that_is_read(
-    browsers, kind, thrown
-):
+def test_hostile_addresses_throw_the_own_disk_or_what_is_read(browsers, kind, thrown):
     browser = browsers(kind)
     browser.driver.get(thrown.as_uri())
     for address in HOSTILE:
@@ -520,9 +505,7 @@ def test_the_task_is_in_the_file_and_a_button_clears_it(browser, tmp_path):
     browser.wait(lambda: browser.script(HERE) == "#v=0.05&eta=10&goal=0.75")
 
 
-def test_a_long_throw_is_stopped_or_replaced_and_the_film_shows_the_old_one(
-    browser, tmp_path
-):
+def test_a_long_throw_is_stopped_or_replaced_and_the_old_one_shown(browser, tmp_path):
     path = api.run(throwable(**{"lattice.points": 600}), lattices=1).film(
         tmp_path / "film.html"
     )
@@ -653,7 +636,7 @@ def test_copy_link_of_a_site_is_the_whole_address(browser, thrown):
     ],
     ids=["sandbox", "chromium", "firefox"],
 )
-def test_it_throws_in_frames_that_have_no_address_and_no_store(
+def test_it_throws_in_frames_without_an_address(
     browsers, kind, frames, thrown, tmp_path
 ):
     browser = browsers(kind)
@@ -742,9 +725,7 @@ let before = performance.now();
 
 @pytest.mark.validate
 @pytest.mark.parametrize("kind", ["chromium", "firefox"])
-def test_all_corners_of_the_sliders_are_thrown_and_the_page_answers(
-    browsers, kind, tmp_path
-):
+def test_all_corners_of_sliders_are_thrown_and_a_page_answers(browsers, kind, tmp_path):
     scene = load_scene("ringing_disk")
     path = api.run(scene, lattices=1).film(tmp_path / "film.html")
     keys = {"impact.velocity": 0.05, "material.eta_star": 10}

@@ -37,7 +37,7 @@ def test_mean_and_scatter_are_those_of_a_sweep_over_the_same_seeds_to_all_digits
 ):
     scene = load_scene(kind).with_(SMALL | keys)
     result = run(scene, tmp_path / "run", video=False, lattices=4)
-    nested: dict = {"scene": kind, "sweep": {"seed": [3, 4, 5, 6]}}
+    nested = {"scene": kind, "sweep": {"seed": [3, 4, 5, 6]}}
     for key, value in (SMALL | keys).items():
         section, name = key.split(".")
         nested.setdefault(section, {})[name] = value
@@ -122,9 +122,7 @@ def test_a_lattice_far_off_makes_the_interval_no_summary():
         ("compression", {"compression.method": "newton"}, 8, ""),
     ],
 )
-def test_a_relaxation_or_a_tolerance_is_computed_on_three_lattices(
-    kind, keys, count, reason
-):
+def test_relaxations_and_tolerances_take_three_lattices(kind, keys, count, reason):
     small = {"lattice.points": 40, "material.viscosity": 0.0091}
     summary = run(load_scene(kind).with_(small | keys)).summary
     assert len(summary["lattices"]["seeds"]) == count
@@ -151,9 +149,7 @@ def test_a_custom_body_has_no_seeds_and_the_run_notes_it():
         (MemoryError(), "MemoryError: "),
     ],
 )
-def test_a_lattice_without_a_result_is_reported_and_left_out(
-    monkeypatch, error, reason
-):
+def test_a_lattice_without_result_is_reported_and_left_out(monkeypatch, error, reason):
     plain = lattices.outcome_of
 
     def fails_at_5(scene, **options):

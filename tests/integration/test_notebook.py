@@ -4,7 +4,6 @@ import builtins
 import re
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -86,27 +85,25 @@ def test_a_sweep_shows_its_fits_and_gives_a_figure_and_a_table(tmp_path, monkeyp
         done.dataframe()
 
 
-def test_long_work_shows_a_bar_by_itself_in_a_notebook_which_goes_at_the_end(
-    monkeypatch,
-):
+def test_long_work_shows_a_bar_in_a_notebook_which_goes_at_the_end(monkeypatch):
     class ZMQInteractiveShell:
         pass
 
     class Handle:
-        def update(self, shown: Any, **_: Any) -> None:
+        def update(self, shown, **_):
             told.append(
                 shown
                 if isinstance(shown, dict)
                 else shown._repr_mimebundle_((), ())["text/plain"]
             )
 
-    told: list[Any] = []
+    told = []
     monkeypatch.setattr(builtins, "get_ipython", ZMQInteractiveShell, raising=False)
     monkeypatch.setattr("IPython.display.display", lambda shown, display_id: Handle())
     monkeypatch.setattr("taichi_disk.base.progress.BAR_INTERVAL", 0.0)
 
     @reported
-    def work(progress: Any = None) -> None:
+    def work(progress=None):
         for k in range(3):
             progress("sweep", k, 2)
 

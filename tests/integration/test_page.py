@@ -5,18 +5,16 @@ import signal
 import socket
 import time
 from functools import partial
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from taichi_disk import run
 from taichi_disk.cli import main
-from tests.browser import Browser, Served, ended
+from tests.browser import Browser, ended
 
 
-def test_a_port_that_is_taken_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_port_that_is_taken_is_named(capsys):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
         command = ["view", "--set", "lattice.points=60", "--no-open", "--port", port]
@@ -27,14 +25,12 @@ def test_a_port_that_is_taken_is_named(capsys: pytest.CaptureFixture[str]) -> No
 
 
 @pytest.mark.validate
-def test_a_signal_right_after_the_address_ends_the_program(served: Served) -> None:
+def test_a_signal_right_after_the_address_ends_the_program(served):
     ended(served[0])
 
 
 @pytest.mark.validate
-def test_the_page_opens_obeys_and_computes_what_run_does(
-    served: Served, each_browser: Browser, tmp_path: Path
-) -> None:
+def test_a_page_opens_obeys_and_computes_what_run_does(served, each_browser, tmp_path):
     browser = each_browser
     program, url = served
     browser.resize((1366, 768))
@@ -86,9 +82,7 @@ def test_the_page_opens_obeys_and_computes_what_run_does(
 
 
 @pytest.mark.validate
-def test_a_body_is_drawn_thrown_and_saved_with_the_same_numbers(
-    served: Served, each_browser: Browser, tmp_path: Path
-) -> None:
+def test_a_body_is_drawn_thrown_and_saved_the_same(served, each_browser, tmp_path):
     browser = each_browser
     program, url = served
     browser.open(url)
@@ -113,8 +107,8 @@ def test_a_body_is_drawn_thrown_and_saved_with_the_same_numbers(
 
 @pytest.mark.validate
 def test_a_page_keeps_its_disk_over_a_reload_and_another_page_has_its_own(
-    served: Served, each_browser: Browser
-) -> None:
+    served, each_browser
+):
     browser = each_browser
     program, url = served
     browser.open(url)
@@ -145,9 +139,7 @@ def test_a_page_keeps_its_disk_over_a_reload_and_another_page_has_its_own(
 
 
 @pytest.mark.validate
-def test_a_page_notices_that_nobody_answers_and_finds_its_disk_again(
-    served: Served, browser: Browser
-) -> None:
+def test_a_page_notices_that_nobody_answers_and_finds_its_disk_again(served, browser):
     program, url = served
     browser.open(url)
     browser.click("drop")
@@ -165,9 +157,7 @@ def test_a_page_notices_that_nobody_answers_and_finds_its_disk_again(
 
 
 @pytest.mark.validate
-def test_the_projector_shows_large_letters_and_a_film_is_saved(
-    served: Served, each_browser: Browser
-) -> None:
+def test_the_projector_shows_large_letters_and_a_film_is_saved(served, each_browser):
     browser = each_browser
     browser.open(served[1])
     browser.click("film-page")
@@ -193,17 +183,17 @@ return canvas.clientWidth === width && canvas.clientHeight === height;
 
 
 @pytest.mark.validate
-def test_every_layout_is_free_of_overlaps_small_letters_and_small_targets(
-    served: Served, browser: Browser
-) -> None:
+def test_every_layout_is_free_of_overlaps_and_small_letters_and_targets(
+    served, browser
+):
     from axe_selenium_python import Axe
 
-    def faults() -> Any:
+    def faults():
         time.sleep(0.3)
         browser.wait(lambda: browser.script(IS_DRAWN))
         return browser.script(FAULTS)
 
-    def serious() -> list[Any]:
+    def serious():
         found = [
             (one["id"], one["nodes"][0]["html"][:200])
             for one in axe.run()["violations"]
@@ -304,7 +294,7 @@ EVENTS = 6  # for each scene
 ANSWER_TIME = 60.0
 
 
-def interfere(browser: Browser, choose: random.Random) -> None:
+def interfere(browser, choose):
     """Do one thing that a user may do: press a key, drag, use a control, or change the
     size of the page."""
     kind = choose.random()
@@ -324,14 +314,12 @@ def interfere(browser: Browser, choose: random.Random) -> None:
         browser.close_lists()
 
 
-def answers_after(browser: Browser, number: float) -> bool:
+def answers_after(browser, number):
     return browser.state("number") > number
 
 
 @pytest.mark.validate
-def test_anything_that_a_user_does_to_any_scene_leaves_the_page_alive(
-    served: Served, browser: Browser
-) -> None:
+def test_anything_that_a_user_does_to_any_scene_leaves_the_page_alive(served, browser):
     program, url = served
     browser.open(url)
     choose = random.Random(3)
@@ -353,9 +341,7 @@ def test_anything_that_a_user_does_to_any_scene_leaves_the_page_alive(
 
 
 @pytest.mark.validate
-def test_a_swipe_of_a_finger_does_not_leave_the_page(
-    served: Served, browser: Browser
-) -> None:
+def test_a_swipe_of_a_finger_does_not_leave_the_page(served, browser):
     browser.open(served[1])
     for height in range(80, 740, 60):
         browser.drag((20, height), (980, height), pause=0.05, touch=True)

@@ -30,9 +30,7 @@ IMPACTS = (
     ("A fast bounce", {"dashpots": "dissipated"}),
     ("No dashpots", {}),
     pytest.param(
-        "Dashpots at the boundary",
-        {"boundary": "absorbed"},
-        marks=pytest.mark.validate,
+        "Dashpots at the boundary", {"boundary": "absorbed"}, marks=pytest.mark.validate
     ),
     ("Another side on it", {"boundary": "absorbed"}),
 )

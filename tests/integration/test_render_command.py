@@ -34,9 +34,7 @@ def runs(tmp_path_factory):
 
 @needs_vulkan
 @pytest.mark.validate
-def test_filmed_again_a_film_is_the_same_and_another_run_is_shown_beside_it(
-    runs, tmp_path, capsys
-):
+def test_filmed_again_a_film_is_the_same_and_so_beside_another(runs, tmp_path, capsys):
     before = contents(runs[0])
     assert main(["render", str(runs[0])]) == 0
     after = contents(runs[0])
@@ -52,9 +50,7 @@ def test_filmed_again_a_film_is_the_same_and_another_run_is_shown_beside_it(
 
 
 @pytest.mark.validate
-def test_what_cannot_be_filmed_is_refused_with_the_reason(
-    runs, tmp_path, capsys, monkeypatch
-):
+def test_what_cannot_be_filmed_is_refused_and_why(runs, tmp_path, capsys, monkeypatch):
     impact, _, own, pressed = map(str, runs)
     # the removed text said that the lattice came from Python
     (runs[2] / "summary.json").write_text("{}")

@@ -162,7 +162,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("words", "keys", "options"), CASES)
-def test_each_key_of_the_summary_is_there_under_its_condition(
+def test_each_key_is_there_under_its_condition(
     tmp_path, monkeypatch, words, keys, options
 ):
     monkeypatch.chdir(tmp_path)
@@ -215,9 +215,7 @@ main(sys.argv[1:])
 """
 
 
-def test_a_run_is_printed_and_in_its_folder_before_its_film_begins(
-    tmp_path, monkeypatch
-):
+def test_a_run_is_printed_and_in_its_folder_before_its_film(tmp_path, monkeypatch):
     out = tmp_path / "o"
     settings = [f"--set={name}={value}" for name, value in TINY.items()]
     done = python(

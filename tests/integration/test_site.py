@@ -6,7 +6,6 @@ import json
 import os
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
 import yaml
@@ -20,7 +19,7 @@ PAGES = [
 
 
 @pytest.fixture(scope="module")
-def site() -> Any:
+def site():
     spec = importlib.util.spec_from_file_location(
         "site_pages", ROOT / "docs/site_pages.py"
     )
@@ -31,7 +30,7 @@ def site() -> Any:
     return module
 
 
-def formulas(text: str) -> list[tuple[str, bool]]:
+def formulas(text):
     blocks = re.findall(
         r"^```math\n(.*?)^```$|^\$\$\n(.*?)^\$\$$", text, re.MULTILINE | re.DOTALL
     )

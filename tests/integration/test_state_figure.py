@@ -48,9 +48,7 @@ def test_a_state_is_drawn_on_given_axes_at_any_moment(result):
 
 
 @pytest.mark.parametrize("is_cleared", [False, True])
-def test_states_in_a_loop_share_one_colour_bar_and_replace_each_other(
-    result, is_cleared
-):
+def test_states_in_a_loop_share_a_colour_bar_and_replace_each_other(result, is_cleared):
     figure = Figure()
     ax = figure.subfigures(1, 2)[0].subplots()
     widths = []

@@ -12,11 +12,8 @@ import statistics
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -28,7 +25,6 @@ from taichi_disk.base import engine
 from taichi_disk.base.errors import InputError, SimulationError
 from taichi_disk.cli import main
 from taichi_disk.studies.sweep import executors, work
-from taichi_disk.studies.sweep.sweep import SweepResult
 
 SMALL = """
 scene: exponential_wall
@@ -61,18 +57,18 @@ sweep: {seed: [3, 4], velocity: [0.02, 0.7]}
 ONE = "scene: exponential_wall\nlattice: {points: 60}\nmaterial: {eta_star: 0.0}\n"
 
 
-def swept(text: Any, out: Path, *settings: str, **options: Any) -> SweepResult:
+def swept(text, out, *settings, **options):
     """Compute the sweep `text` in this process."""
     return run_sweep(load_sweep(text, settings), out, jobs=1, **options)
 
 
 @pytest.fixture(scope="module")
-def small(tmp_path_factory: pytest.TempPathFactory) -> SweepResult:
+def small(tmp_path_factory):
     return swept(SMALL, tmp_path_factory.mktemp("small") / "out")
 
 
 @pytest.fixture(autouse=True)
-def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+def no_figures(monkeypatch):
     """Draw no figures, because a figure takes a second and the one of `small` is
     enough."""
     monkeypatch.setattr(
@@ -80,7 +76,7 @@ def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
-def values_at(rows: list[Any], name: str, **axes: float) -> list[float]:
+def values_at(rows, name, **axes):
     """Return the numbers `name` of the rows at a place of the axes, one for each
     lattice."""
     return [
@@ -90,23 +86,23 @@ def values_at(rows: list[Any], name: str, **axes: float) -> list[float]:
     ]
 
 
-def alone(result: SweepResult, row: dict[str, Any]) -> dict[str, Any]:
+def alone(result, row):
     """Return the summary of a run of a row's scene."""
     stored = load_scene(result.out / "points" / f"{row['key']}.yaml")
     return run(stored, lattices=1).summary
 
 
 @pytest.fixture
-def scene(tmp_path: Path) -> str:
+def scene(tmp_path):
     (tmp_path / "s.yaml").write_text(SMALL)
     return str(tmp_path / "s.yaml")
 
 
-def table(folder: Path) -> bytes:
+def table(folder):
     return (folder / "points.csv").read_bytes()
 
 
-def points(folder: Path) -> list[Path]:
+def points(folder):
     return sorted((folder / "points").glob("*.json"))
 
 
@@ -153,10 +149,10 @@ def test_a_sweep_over_any_axis_has_means_over_lattices(tmp_path):
         assert half_width == pytest.approx(expected, rel=1e-5)
 
 
-def test_a_sweep_whose_figure_cannot_be_written_prints_its_fits(
+def test_a_sweep_without_a_figure_prints_fits(
     small, scene, tmp_path, monkeypatch, capsys
 ):
-    def fail(diagram: Any, out: Path) -> None:
+    def fail(diagram, out):
         raise SimulationError("cannot write figure.png: No space left on device")
 
     monkeypatch.setattr("taichi_disk.studies.figures.drawing.draw", fail)
@@ -198,7 +194,7 @@ def test_a_row_is_what_running_its_scene_gives_bit_for_bit(text, small, tmp_path
         ("sweep: {dt: [0.02, 0.5]}", ["done", "failed"], "stability limit"),
     ],
 )
-def test_failed_points_are_listed_and_tried_again_and_do_not_stop_the_others(
+def test_failed_points_are_listed_tried_again_and_alone(
     axes, statuses, reason, tmp_path
 ):
     result = swept(ONE + axes + "\n", tmp_path / "out")
@@ -216,12 +212,10 @@ def test_failed_points_are_listed_and_tried_again_and_do_not_stop_the_others(
         (KeyError(), "unexpected KeyError: "),
     ],
 )
-def test_an_unexpected_error_at_one_point_does_not_stop_the_others(
-    error, reason, tmp_path, monkeypatch
-):
+def test_an_error_at_one_point_stops_no_other(error, reason, tmp_path, monkeypatch):
     compute = work.outcome_of
 
-    def sometimes(scene: Any, **options: Any) -> Any:
+    def sometimes(scene, **options):
         if scene.impact.velocity == 0.05:
             raise error
         return compute(scene, **options)
@@ -237,12 +231,10 @@ def test_an_unexpected_error_at_one_point_does_not_stop_the_others(
     assert not again.failed
 
 
-def test_a_number_that_is_not_finite_is_a_failure_whichever_it_is(
-    tmp_path, monkeypatch
-):
+def test_a_number_that_is_not_finite_is_a_failure(tmp_path, monkeypatch):
     compute = work.outcome_of
 
-    def unbalanced(scene: Any, **options: Any) -> Any:
+    def unbalanced(scene, **options):
         outcome = compute(scene, **options)
         outcome.summary["energy"]["closing_imbalance"] = float("nan")
         return outcome
@@ -252,9 +244,7 @@ def test_a_number_that_is_not_finite_is_a_failure_whichever_it_is(
     assert row["reason"] == "energy_imbalance is not a finite number"
 
 
-def test_errors_are_estimated_on_request_and_one_lattice_has_no_scatter(
-    small, tmp_path
-):
+def test_errors_are_estimated_on_request_and_a_lattice_has_no_scatter(small, tmp_path):
     sweep = SMALL, tmp_path / "out", "sweep.velocity=[0.02, 0.05]", "sweep.seed=[3]"
     shutil.copytree(small.out, tmp_path / "out")
     plain = swept(*sweep)
@@ -365,7 +355,7 @@ def test_a_row_of_a_strained_lattice_is_what_running_its_scene_gives_at_any_k_b(
 # ---- what is there already
 
 
-UNREADABLE: dict[str, Callable[[str], str]] = {
+UNREADABLE = {
     "half written": lambda text: text[: len(text) // 2],
     "a list": lambda text: f"[{text}]",
     "another record": lambda text: '{"numbers": {}}',
@@ -375,9 +365,7 @@ UNREADABLE: dict[str, Callable[[str], str]] = {
 
 
 @pytest.mark.parametrize("name", UNREADABLE)
-def test_a_result_that_cannot_be_read_is_named_in_one_clear_error(
-    small, scene, tmp_path, name, capsys
-):
+def test_a_result_that_cannot_be_read_is_named(small, scene, tmp_path, name, capsys):
     shutil.copytree(small.out, tmp_path / "out")
     path = points(tmp_path / "out")[0]
     spoilt = UNREADABLE[name](path.read_text())
@@ -444,9 +432,9 @@ def test_a_second_table_in_a_folder_in_use_is_refused_and_parts_are_not(tmp_path
     out = tmp_path / "out"
     (out / "points").mkdir(parents=True)
     (out / "points" / ".lock").touch()  # left by a killed process
-    refused: list[str] = []
+    refused = []
 
-    def meanwhile(stage: str, done: float, total: float | None) -> None:
+    def meanwhile(stage, done, total):
         for scenes in (one, other):
             with pytest.raises(InputError, match="another sweep is writing") as refusal:
                 swept(scenes, out)
@@ -464,10 +452,8 @@ def test_a_second_table_in_a_folder_in_use_is_refused_and_parts_are_not(tmp_path
 
 
 @pytest.mark.parametrize("code", [errno.ENOLCK, errno.EOPNOTSUPP])
-def test_a_sweep_goes_on_without_a_lock_where_there_are_none(
-    tmp_path, monkeypatch, notices, code
-):
-    def refuse(self: FileLock) -> None:
+def test_sweeps_go_on_where_there_are_no_locks(tmp_path, monkeypatch, notices, code):
+    def refuse(self):
         raise OSError(code, "No locks available")
 
     monkeypatch.setattr(FileLock, "_acquire", refuse)
@@ -496,9 +482,7 @@ def test_parts_are_gathered_with_nothing_computed_anew(small, tmp_path, notices)
 
 def test_every_scene_is_in_one_part_and_in_one_task_of_one_lattice():
     sweep = load_sweep("figure3")
-    scenes: Any = executors.ordered(
-        {str(k): scene for k, scene in enumerate(sweep.scenes)}
-    )
+    scenes = executors.ordered({str(k): scene for k, scene in enumerate(sweep.scenes)})
     tasks = executors.tasks_of(scenes)
     assert len(tasks) == 96
     assert sorted(key for task in tasks for key in task) == sorted(scenes)
@@ -543,11 +527,9 @@ def test_a_malformed_part_or_number_of_jobs_is_refused(options, message, tmp_pat
     ("points", "jobs", "started"),
     [(300, 1, None), (300, 2, 1), (300, 3, 2), (30_000, 1, None), (30_000, 2, 2)],
 )
-def test_beside_its_processes_a_sweep_computes_short_scenes_itself(
-    points, jobs, started, monkeypatch
-):
+def test_a_sweep_computes_short_scenes_itself_too(points, jobs, started, monkeypatch):
     sweep = load_sweep("figure3", [f"lattice.points={points}"])
-    scenes: Any = {str(k): scene for k, scene in enumerate(sweep.scenes)}
+    scenes = {str(k): scene for k, scene in enumerate(sweep.scenes)}
     monkeypatch.setattr(executors, "Pool", nullcontext)  # stands for its size
     assert executors.executor_for(None, scenes, jobs, ExitStack()) == started
 
@@ -576,13 +558,11 @@ def test_what_was_done_is_kept_when_the_workers_fail(small, tmp_path):
     class Failing(Executor):
         """Computes one task, then fails as a cluster may."""
 
-        def __init__(self) -> None:
+        def __init__(self):
             self.calls = 0
 
-        def submit(
-            self, function: Any, /, *arguments: Any, **options: Any
-        ) -> Future[Any]:
-            future: Future[Any] = Future()
+        def submit(self, function, /, *arguments, **options):
+            future = Future()
             self.calls += 1
             if self.calls == 1:
                 future.set_result(function(*arguments))
@@ -602,11 +582,11 @@ HTTP = b"HTTP/1.1 400 Bad Request\r\n\r\n" * 10
 
 
 @contextmanager
-def answering(answer: bytes) -> Iterator[str]:
+def answering(answer):
     """Yield the address of a server that is no scheduler."""
     connections = list[socket.socket]()
 
-    def serve() -> None:
+    def serve():
         with suppress(OSError):
             while True:
                 connections.append(server.accept()[0])

@@ -8,9 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from programs import printed_by, summary_in
@@ -29,14 +27,14 @@ PATIENCE = 120.0  # seconds
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def scene(tmp_path_factory):
     path = tmp_path_factory.mktemp("scene") / "s.yaml"
     path.write_text(SWEEP)
     return path
 
 
 @pytest.fixture(scope="module")
-def expected(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+def expected(tmp_path_factory):
     """Return points.csv of a single process."""
     out = run_sweep(
         load_sweep(SWEEP), tmp_path_factory.mktemp("one") / "out", jobs=1
@@ -44,43 +42,43 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return (out / "points.csv").read_bytes()
 
 
-def command(scene: Path, out: Path, *options: str) -> list[str]:
+def command(scene, out, *options):
     words = ("sweep", str(scene), "--out", str(out), *options)
     return [sys.executable, "-m", "taichi_disk", *words]
 
 
-def started(*arguments: object, **options: Any) -> subprocess.Popen[str]:
+def started(*arguments, **options):
     pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
     return subprocess.Popen([*map(str, arguments)], **{**pipes, **options})
 
 
-def finish(scene: Path, out: Path, *options: str) -> int:
+def finish(scene, out, *options):
     """Run the command to its end, and return the number of computed points."""
     subprocess.run(command(scene, out, *options), capture_output=True, check=True)
     return int(summary_in(out)["computed_now"])
 
 
-def wait_until(true: Callable[[], bool], what: str) -> None:
+def wait_until(true, what):
     until = time.monotonic() + PATIENCE
     while not true():
         assert time.monotonic() < until, what
         time.sleep(0.01)
 
 
-def count(out: Path) -> int:
+def count(out):
     return len(list((out / "points").glob("[!.]*.json")))
 
 
-def children(process: subprocess.Popen[str]) -> list[int]:
+def children(process):
     found = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text()
     return [int(pid) for pid in found.split()]
 
 
-def lives(pid: int) -> bool:
+def lives(pid):
     return Path(f"/proc/{pid}").exists()
 
 
-def workers(process: subprocess.Popen[str]) -> list[int]:
+def workers(process):
     """Return the child processes that compute."""
     return [
         pid
@@ -89,7 +87,7 @@ def workers(process: subprocess.Popen[str]) -> list[int]:
     ]
 
 
-def goes_on(scene: Path, out: Path, expected: bytes, *options: str) -> None:
+def goes_on(scene, out, expected, *options):
     """Check that the same command computes what is missing, to the same bytes."""
     done = count(out)
     assert 0 < done < POINTS
@@ -97,7 +95,7 @@ def goes_on(scene: Path, out: Path, expected: bytes, *options: str) -> None:
     assert (out / "points.csv").read_bytes() == expected
 
 
-def kill(process: subprocess.Popen[str]) -> None:
+def kill(process):
     process.kill()
     process.wait()
 
@@ -153,9 +151,7 @@ def test_a_killed_worker_ends_the_sweep_and_the_same_command_goes_on(
     goes_on(scene, out, expected, "--jobs", "2")
 
 
-def test_parts_at_the_same_time_in_one_folder_one_of_them_killed(
-    scene, expected, tmp_path
-):
+def test_parts_at_the_same_time_in_one_folder_one_killed(scene, expected, tmp_path):
     out = tmp_path / "out"
     parts = [
         started(*command(scene, out, "--part", f"{k}/3", "--jobs", "1"))
@@ -185,9 +181,7 @@ def test_workers_leave_their_kernels_to_the_next_sweep(scene, tmp_path):
     assert sum(path.is_file() for path in cache.rglob("*")) > 3
 
 
-def test_a_script_needs_no_guard_not_even_from_standard_input(
-    scene, expected, tmp_path
-):
+def test_a_script_needs_no_guard_even_from_standard_input(scene, expected, tmp_path):
     script = (
         "from taichi_disk import load_sweep, run_sweep\n"
         f"run_sweep(load_sweep({str(scene)!r}), {str(tmp_path / 'out')!r}, jobs=2)\n"
@@ -202,7 +196,7 @@ def test_a_script_needs_no_guard_not_even_from_standard_input(
 class Cluster:
     """A Dask scheduler and two workers on 127.0.0.1, each a process."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder):
         self.folder = folder
         self.processes = list[subprocess.Popen[str]]()
         file = folder / "scheduler.json"
@@ -216,33 +210,31 @@ class Cluster:
         self.scheduler = self.processes[0]
         self.workers = [self.add_worker() for _ in range(2)]
 
-    def add_worker(self, threads: int = 1, **environment: str) -> subprocess.Popen[str]:
+    def add_worker(self, threads=1, **environment):
         folder = ("--no-nanny", "--local-directory", self.folder)
         worker = (self.address, "--nthreads", threads, *folder)
         return self.begin("distributed.cli.dask_worker", *worker, **environment)
 
-    def begin(
-        self, module: str, *words: object, **environment: str
-    ) -> subprocess.Popen[str]:
+    def begin(self, module, *words, **environment):
         command = (sys.executable, "-m", module, *words, "--no-dashboard")
         options = {"env": os.environ | environment, "stderr": subprocess.DEVNULL}
         self.processes.append(started(*command, **options))
         return self.processes[-1]
 
-    def wait_for_worker(self) -> None:
+    def wait_for_worker(self):
         from distributed import Client
 
         with Client(self.address, set_as_default=False) as client:
             client.wait_for_workers(1, timeout=PATIENCE)
 
-    def without_workers(self) -> "Cluster":
+    def without_workers(self):
         for worker in self.workers:
             kill(worker)
         return self
 
 
 @pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[Cluster]:
+def cluster(tmp_path):
     pytest.importorskip("distributed")
     cluster = Cluster(tmp_path)
     yield cluster
@@ -277,9 +269,7 @@ def test_a_dask_worker_without_the_package_is_named(cluster, scene, tmp_path):
     assert last.endswith("): install the same packages everywhere")
 
 
-def test_a_dask_worker_with_several_threads_gives_the_same_bytes(
-    cluster, scene, expected, tmp_path
-):
+def test_a_dask_worker_with_threads_gives_the_bytes(cluster, scene, expected, tmp_path):
     cluster.without_workers().add_worker(threads=4)
     assert finish(scene, tmp_path / "out", "--scheduler", cluster.address) == POINTS
     assert (tmp_path / "out" / "points.csv").read_bytes() == expected
@@ -300,9 +290,7 @@ def test_a_sweep_waits_while_there_are_no_workers(cluster, scene, expected, tmp_
     assert (out / "points.csv").read_bytes() == expected
 
 
-def test_a_scheduler_that_goes_ends_the_sweep_and_the_last_line_says_so(
-    cluster, scene, tmp_path
-):
+def test_a_scheduler_that_goes_ends_a_sweep_which_says_so(cluster, scene, tmp_path):
     out = tmp_path / "out"
     process = started(*command(scene, out, "--scheduler", cluster.address))
     wait_until(lambda: count(out) > 0, "no point is done")

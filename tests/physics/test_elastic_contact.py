@@ -45,9 +45,7 @@ def rough(seed, roughness, low, high):
 
 
 @pytest.mark.parametrize("roughness", [0.0, 0.03, 0.06])
-def test_every_point_finds_the_spring_below_it_and_force_and_torque_balance(
-    roughness, kernels
-):
+def test_points_find_the_spring_below_and_force_and_torque_balance(roughness, kernels):
     # Compare with a search over all pairs of points and springs. The surface is so
     # rough that springs are inclined by 45 degrees, and the disk is anywhere along the
     # wall, even beyond its ends.
@@ -98,9 +96,7 @@ def smooth_potential(x):
 
 
 @pytest.mark.parametrize("roughness", [0.0, 0.03])
-def test_the_smooth_contact_pushes_along_its_gradient_and_keeps_momentum(
-    roughness, kernels
-):
+def test_smooth_contacts_push_along_gradients_and_keep_momentum(roughness, kernels):
     model = Model(Springs(1e-12, 1e-12), SMOOTH, boundary=ResetBoundary(1.0))
     for seed, place in enumerate((0.0, -1.4, -0.5, 0.9, 1.35, 1.4)):  # at ends, too
         x = rough(seed, roughness, place, place)
@@ -161,9 +157,7 @@ def test_a_surface_of_two_points_is_one_spring_for_either_contact(kernels):
     assert found[0] == found[1] > 0.8
 
 
-def test_a_point_that_passes_to_the_next_spring_loses_the_jump_of_its_potential(
-    kernels,
-):
+def test_a_point_that_passes_to_another_spring_loses_the_jump_of_its_potential(kernels):
     # on a bent surface, by the trapezoidal rule over the move
     rng = np.random.default_rng(3)
     x = LATTICE.positions.copy()

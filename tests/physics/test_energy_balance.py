@@ -91,9 +91,7 @@ LONG_SCENES = [
     ("scene", "eta_star", "integrator"),
     [*SCENES, *(pytest.param(*scene, marks=LONG) for scene in LONG_SCENES)],
 )
-def test_the_imbalance_falls_with_the_square_of_the_step(
-    scene, eta_star, integrator, kernels
-):
+def test_imbalances_fall_with_the_square_of_steps(scene, eta_star, integrator, kernels):
     lattice, velocities, model = bouncing(scene.removeprefix("axial "), N, eta_star / N)
     springs = replace(model.springs, axial=scene.startswith("axial"))
     model = replace(model, springs=springs)

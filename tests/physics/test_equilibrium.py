@@ -337,9 +337,7 @@ def test_xi_is_near_that_of_the_continuum():
 
 
 @pytest.mark.parametrize("method", ["newton", "relaxation"])
-def test_springs_that_are_strained_without_a_load_rest_before_xi_counts(
-    method, kernels
-):
+def test_springs_strained_without_a_load_rest_before_xi_counts(method, kernels):
     # Springs 1 % longer than their distances only make the body 1 % larger.
     scene = load_scene("compression", [f"compression.method={method}"])
     disk = Lattice.disk(100, 0)

@@ -160,9 +160,7 @@ SLOW = (
 )
 
 
-def test_a_gain_of_e_is_compared_with_its_own_error_and_is_the_sum_of_its_parts(
-    kernels,
-):
+def test_a_gain_of_e_is_compared_with_its_error_and_is_the_sum_of_its_parts(kernels):
     dashpots = "material.eta_star=0.001"
     scenario, outcome = computed(kernels, *SLOW, dashpots, estimate=False)
     assert not energy_gained(scenario, outcome.series, 1e-3)
@@ -193,9 +191,7 @@ THROWS = list(product((0.2, 0.6, 1.0, 1.3), (0.1, 0.3, 0.8), (0.0, 0.03)))
     [THROWS[2:11:4], pytest.param(THROWS, marks=pytest.mark.validate)],
     ids=["3", "all"],
 )
-def test_where_points_stick_errors_fall_as_the_square_of_the_step_on_average(
-    throws, kernels
-):
+def test_where_points_stick_errors_fall_as_the_square_of_the_step(throws, kernels):
     # Compared with 1/64 of the first step, 0.016 R/c. The time when a point begins to
     # stick is known to within a step, so errors of a single throw fall in jumps. The
     # geometric mean over 24 throws falls with the power 1.85.
@@ -246,9 +242,7 @@ def test_a_slow_throw_is_that_of_a_rigid_disk(kernels):
     )
 
 
-def test_friction_alone_brakes_no_straight_throw_and_has_no_restitution_of_its_own(
-    kernels,
-):
+def test_friction_alone_brakes_no_straight_throw_and_has_no_e_of_its_own(kernels):
     _, _, found = impact(kernels, *SMALL, "wall.friction=0.3")
     _, _, plain = impact(kernels, *SMALL)
     assert "tangential_restitution" not in found
@@ -346,7 +340,7 @@ def test_results_along_the_wall_do_not_depend_on_how_far_from_it_the_run_ends(ke
         (0.002, "vector", 1e-6, False),
     ],
 )
-def test_a_warning_says_that_dashpots_took_one_per_cent_of_a_spin(
+def test_a_warning_names_the_spin_that_dashpots_took(
     eta_star, dashpot, spin, is_warned, kernels
 ):
     spinning = (*SMALL, f"impact.spin={spin}", "impact.gap=0.2")

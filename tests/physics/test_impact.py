@@ -42,9 +42,7 @@ def reference_impact(scenario, end):
         pytest.param(100.0, 0.02, marks=LONG),
     ],
 )
-def test_restitution_and_contact_time_equal_those_of_dop853(
-    eta_star, velocity, kernels
-):
+def test_restitution_and_contact_time_are_those_of_dop853(eta_star, velocity, kernels):
     thrown = (f"material.eta_star={eta_star}", f"impact.velocity={velocity}")
     settings = (*SMALL, *thrown, "time.sample_interval=0.02")
     scenario, outcome = computed(kernels, "exponential_wall", *settings)

@@ -8,7 +8,7 @@ sweeps of a few lattices from it. Appendix F of docs/numerics.md has the extreme
 """
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from tempfile import TemporaryDirectory
 
@@ -17,7 +17,7 @@ import numpy as np
 from taichi_disk import load_sweep, run_sweep
 from taichi_disk.mechanics.lattice import Array
 from taichi_disk.studies.figures.curves import analyse
-from taichi_disk.studies.figures.theory import Fit, fit_restitution, paper_restitution
+from taichi_disk.studies.figures.theory import fit_restitution, paper_restitution
 
 SPEEDS = np.geomspace(3e-3, 5e-2, 12)  # [c]
 LAW = {"d1": 1.02, "d2": 0.3}  # of the synthetic draws
@@ -26,7 +26,7 @@ COUNTS = (5, 8, 16, 32)  # of lattices in a sweep
 PARAMETERS = ("d1", "d2")
 
 
-def population(lattices: int) -> Array:
+def population(lattices):
     """Return e (lattices, speeds) of disks of 60 points on a wall so hard that eq. (5)
     does not hold."""
     scene = {
@@ -52,28 +52,28 @@ class Source:
     true: dict[str, float]
 
 
-def synthetic(name: str, own: Array, common: float) -> Source:
+def synthetic(name, own, common):
     """Return normal scatter about eq. (5): `own` (speeds,) for each speed, and `common`
     for all speeds of a lattice, as parts of NOISE."""
     mean = paper_restitution(SPEEDS, **LAW)
 
-    def draw(random: np.random.Generator, lattices: int) -> Array:
+    def draw(random, lattices):
         scatter = own * random.normal(size=(lattices, len(SPEEDS)))
         return mean + NOISE * (scatter + common * random.normal(size=(lattices, 1)))
 
     return Source(name, draw, LAW)
 
 
-def sampled(name: str, e: Array) -> Source:
+def sampled(name, e):
     """Return draws, with repetition, from a population e (lattices, speeds)."""
 
-    def draw(random: np.random.Generator, lattices: int) -> Array:
+    def draw(random, lattices):
         return e[random.choice(len(e), lattices)]
 
     return Source(name, draw, fit_restitution(SPEEDS, e).values)
 
 
-def with_law(e: Array) -> Array:
+def with_law(e):
     """Return the population moved so that eq. (5) holds for its mean."""
     return e - fit_restitution(SPEEDS, e).residuals
 
@@ -86,7 +86,7 @@ SYNTHETIC = [
 ]
 
 
-def fits(source: Source, lattices: int, draws: int) -> list[Fit]:
+def fits(source, lattices, draws):
     random = np.random.default_rng(lattices)
     found = []
     for _ in range(draws):
@@ -94,7 +94,7 @@ def fits(source: Source, lattices: int, draws: int) -> list[Fit]:
     return found
 
 
-def coverage(source: Source, found: list[Fit]) -> list[float]:
+def coverage(source, found):
     """Return how often the intervals of d1 and of d2 contain the true value."""
     fractions = []
     for name in PARAMETERS:
@@ -105,11 +105,11 @@ def coverage(source: Source, found: list[Fit]) -> list[float]:
     return fractions
 
 
-def refused(found: list[Fit]) -> float:
+def refused(found):
     return float(np.mean([fit.is_refuted for fit in found]))
 
 
-def tables(e: Array, draws: int) -> Iterator[str]:
+def tables(e, draws):
     """Yield two tables in Markdown, for a population e (lattices, speeds)."""
     true = sampled("this population, moved so that (5) holds", with_law(e))
     false = sampled("this population, for which (5) does not hold", e)
@@ -138,7 +138,7 @@ def tables(e: Array, draws: int) -> Iterator[str]:
         yield f"| {source.name} | {' | '.join(cells)} |"
 
 
-def main() -> None:
+def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--lattices", type=int, default=150)
     parser.add_argument("--draws", type=int, default=1000)

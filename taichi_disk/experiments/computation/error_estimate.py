@@ -21,6 +21,7 @@ from taichi_disk.experiments.computation.scenario import Scenario
 from taichi_disk.experiments.computation.stability import TimeStep
 from taichi_disk.experiments.computation.step_control import fitted
 from taichi_disk.experiments.computation.words import Numbers
+from taichi_disk.mechanics.lattice.triangles import quarter_turned
 from taichi_disk.mechanics.simulation.observables import Columns, split
 
 # The constants were measured on scenes with a known result: `python -m
@@ -181,7 +182,7 @@ def _turned(driver: Driver, angle: float) -> Driver:
     n = lattice.disk_points
     positions = lattice.positions.copy()
     arm = positions[:n] - lattice.mean(positions)
-    positions[:n] += angle * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+    positions[:n] += angle * quarter_turned(arm)
     start = replace(driver.scenario, lattice=replace(lattice, positions=positions))
     other = Driver(start, driver.step, driver.kernels)
     other.advance()

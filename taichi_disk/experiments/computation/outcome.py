@@ -57,6 +57,11 @@ class Outcome:
         for array in (*self.series.values(), self.positions, self.velocities):
             array.flags.writeable = False
 
+    @property
+    def end(self) -> float:
+        """Time of the last row [R/c]."""
+        return float(self.series["t"][-1])
+
     @cached_property
     def contact(self) -> Contact:
         """The contact of wall and disk: when it begins, ends and is closest."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from taichi_disk.base.progress import Progress, silent
 from taichi_disk.experiments.computation.words import Lines, Numbers, Words as Words
 from taichi_disk.mechanics.lattice import Array as Array, Lattice, OwnStart
-from taichi_disk.mechanics.simulation.observables import Columns as Columns
+from taichi_disk.mechanics.simulation.observables import Bounds, Columns as Columns
 
 if TYPE_CHECKING:  # scene files are checked without Taichi
     from taichi_disk.mechanics.physics import Model
@@ -89,7 +89,7 @@ class Scenario(ABC):
 
     # ---- the end
 
-    def end_bounds(self) -> dict[str, tuple[float, float]]:
+    def end_bounds(self) -> Bounds:
         """Return (smallest, largest) value of columns at the end of the scene; kernels
         stop when all are within."""
         return {}

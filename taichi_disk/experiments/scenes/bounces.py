@@ -27,31 +27,34 @@ def bounce_conflicts(impact: ImpactSection, reach: float) -> Conflicts:
             return []
         text = "nothing falls back without gravity: write impact.gravity, too"
         return [("impact.bounces", text)]
-    found = []
-    if impact.drop and v != impact.fall_speed:
-        text = (
-            f"impact.velocity = {v:g} is not the speed of this fall: write"
-            f" {ImpactSection.velocity:g}, its default, or drop=0"
-        )
-        found.append(("impact.drop", text))
-    if impact.gap != "auto":
-        text = "heights under gravity begin where the wall is hardly felt: write auto"
-        found.append(("impact.gap", text))
-    if impact.rise < reach:
-        text = (
-            f"the disk would lie on the wall, which it feels up to {reach:.2g} R: write"
-            f" at most {0.49 * v**2 / reach:.2g}, or a higher velocity"
-        )
-        found.append(("impact.gravity", text))
     duration = 2.0 * impact.bounces * v / g
-    if duration > LONGEST_FLIGHTS:
-        text = (
+    faults = [
+        (
+            impact.drop and v != impact.fall_speed,
+            "impact.drop",
+            f"impact.velocity = {v:g} is not the speed of this fall: write"
+            f" {ImpactSection.velocity:g}, its default, or drop=0",
+        ),
+        (
+            impact.gap != "auto",
+            "impact.gap",
+            "heights under gravity begin where the wall is hardly felt: write auto",
+        ),
+        (
+            impact.rise < reach,
+            "impact.gravity",
+            f"the disk would lie on the wall, which it feels up to {reach:.2g} R: write"
+            f" at most {0.49 * v**2 / reach:.2g}, or a higher velocity",
+        ),
+        (
+            duration > LONGEST_FLIGHTS,
+            "impact.gravity",
             f"the flights would last {duration:.2g} R/c, of the paper's disk some"
             f" {duration / 17e3:.1f} million steps: write a larger one, or fewer"
-            " bounces"
-        )
-        found.append(("impact.gravity", text))
-    return found
+            " bounces",
+        ),
+    ]
+    return [(key, text) for is_fault, key, text in faults if is_fault]
 
 
 def unfinished_bounces(columns: Columns, bounces: int) -> str:

@@ -19,7 +19,7 @@ from taichi_disk.experiments.config.sections import (
 from taichi_disk.experiments.scenes.conflicts import Conflicts
 from taichi_disk.experiments.scenes.scene import DiskScene
 from taichi_disk.mechanics.lattice import Lattice
-from taichi_disk.mechanics.simulation.observables import Columns
+from taichi_disk.mechanics.simulation.observables import Bounds, Columns
 
 if TYPE_CHECKING:
     from taichi_disk.experiments.computation.outcome import Outcome
@@ -147,7 +147,7 @@ class Compression(Scenario):
 
         return quasistatic(self, loads, progress)
 
-    def end_bounds(self) -> dict[str, tuple[float, float]]:
+    def end_bounds(self) -> Bounds:
         # A vibration shows in the wall's force. A slow roll does not, so the kinetic
         # energy has a bound, too.
         tolerance = self.scene.compression.tolerance

@@ -37,8 +37,10 @@ from taichi_disk.experiments.scenes.conflicts import Conflicts, gap_conflicts
 from taichi_disk.experiments.scenes.scene import DiskScene
 from taichi_disk.mechanics.lattice import Lattice, disk_of
 from taichi_disk.mechanics.lattice.network import bending_compliance, network_stiffness
+from taichi_disk.mechanics.lattice.triangles import quarter_turned
 from taichi_disk.mechanics.simulation.observables import (
     BY_NAME,
+    Bounds,
     Columns,
     of_kind,
     split,
@@ -273,7 +275,7 @@ class ImpactScene(DiskScene):
         velocities[:n] = impact.along, -np.sqrt(before_fall)
         if impact.spin:
             arm = lattice.positions[:n] - lattice.mean(lattice.positions)
-            velocities[:n] += impact.spin * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+            velocities[:n] += impact.spin * quarter_turned(arm)
         return velocities
 
     def _sample_interval(self, radius: float, time_unit: float) -> float:
@@ -341,7 +343,7 @@ class ImpactScenario(Scenario):
 
     # ---- the end
 
-    def end_bounds(self) -> dict[str, tuple[float, float]]:
+    def end_bounds(self) -> Bounds:
         if self.falls_back:  # it may stay on the wall
             return {}
         return {"com_vy": (0.0, inf), "lowest_y": (self.gap, inf)}
@@ -353,6 +355,7 @@ class ImpactScenario(Scenario):
         # rod bends more. A disk that turns faster than it rises must clear the wall
         # entirely.
         last = {name: float(values[-1]) for name, values in columns.items()}
+        rising = last["com_vy"]
         impact = self.scene.impact
         if self.falls_back:
             # It stays on the wall if no energy is left to lift it to its start.
@@ -360,19 +363,19 @@ class ImpactScenario(Scenario):
             has_ended = len(apexes(columns)) >= impact.bounces
             if has_ended or stored < columns["load"][0]:
                 return 0.0
-            return abs(last["com_vy"]) / impact.gravity + self.gap / self.velocity
+            return abs(rising) / impact.gravity + self.gap / self.velocity
         spin = last["angular_momentum"] / self.shape.inertia
-        speed2 = last["com_vx"] ** 2 + last["com_vy"] ** 2
+        speed2 = last["com_vx"] ** 2 + rising**2
         rigid = 0.5 * (speed2 + self.shape.inertia * spin**2)
         vibration = max(last["kinetic"] + last["elastic"] - rigid, 0.0)
         amplitude = np.sqrt(2.0 * vibration * self.shape.compliance)
         clear = self.gap + min(amplitude, 2.0 * self.shape.radius)
         lowest = last["lowest_y"]
-        if abs(spin) * self.shape.radius > last["com_vy"]:
+        if abs(spin) * self.shape.radius > rising:
             lowest = min(lowest, last["com_y"] - self.shape.radius)
-        if last["com_vy"] <= 0.0:
+        if rising <= 0.0:
             return inf
-        return float(max(clear - lowest, 0.0)) / last["com_vy"]
+        return float(max(clear - lowest, 0.0)) / rising
 
     def unfinished(self, columns: Columns) -> str:
         if self.falls_back:

@@ -16,11 +16,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taichi_disk.base.engine import ti
 from taichi_disk.mechanics.lattice import Array, Lattice
 from taichi_disk.mechanics.lattice.network import laplacian, symmetric_factors
+from taichi_disk.mechanics.lattice.triangles import Indices
 from taichi_disk.mechanics.physics import Model
 from taichi_disk.mechanics.physics.law import (
     Capacity,
@@ -42,9 +42,9 @@ class Factor:
     matrices, else 1.
     """
 
-    order: NDArray[np.int32]
-    column: NDArray[np.int32]
-    row: NDArray[np.int32]
+    order: Indices
+    column: Indices
+    row: Indices
     values: Array
     inverse_diagonal: Array
 

@@ -8,9 +8,9 @@ stress).
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import lru_cache
+from math import pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -178,17 +178,17 @@ class Moduli:
 
     young: float  # [M c^2/R^2]
     poisson: float
-    density: float = 1.0 / math.pi  # [M/R^2], mass M over area pi R^2
+    density: float = 1.0 / pi  # [M/R^2], mass M over area pi R^2
 
     @property
     def wave_speed_p(self) -> float:
         """Speed of longitudinal waves, sqrt(E/((1 - nu^2) rho)) [c]."""
-        return math.sqrt(self.young / ((1.0 - self.poisson**2) * self.density))
+        return sqrt(self.young / ((1.0 - self.poisson**2) * self.density))
 
     @property
     def wave_speed_s(self) -> float:
         """Speed of transverse waves, sqrt(E/(2 (1 + nu) rho)) [c]."""
-        return math.sqrt(self.young / (2.0 * (1.0 + self.poisson) * self.density))
+        return sqrt(self.young / (2.0 * (1.0 + self.poisson) * self.density))
 
 
 @lru_cache(maxsize=8)  # the scenes of a sweep share them
@@ -200,7 +200,7 @@ def bulk_moduli(points: int, seed: int, k: float, min_spacing: float) -> Moduli:
     like the disk's. `k` is the springs' stiffness [M c^2/R^2]; `seed` and `min_spacing`
     are as for `Lattice.disk`.
     """
-    side = math.sqrt(math.pi)
+    side = sqrt(pi)
     sample = min(max(points, _MIN_SAMPLE), _MAX_SAMPLE)
     mesh = rectangle(sample, seed, min_spacing, length=side, width=side)
     x = mesh.positions[:, 0]
@@ -218,7 +218,7 @@ def rectangle(
     """
     x = rectangle_points(
         np.random.default_rng([seed, 2]),
-        points=round(points * length * width / math.pi),
+        points=round(points * length * width / pi),
         low=np.zeros(2),
         high=np.array([length, width]),
         row=rim_spacing(points),

@@ -88,7 +88,7 @@ def filled(
     unit = math.sqrt(body.area / math.pi)
     middle = np.array(body.centroid.coords)
     body = shapely.transform(body, lambda x: (x - middle) / unit)
-    row = _row(body, points)
+    row = edge_spacing(points, body.length, body.area)
     rings = [_along(ring, row, rng) for ring in (body.exterior, *body.interiors)]
     fixed = np.concatenate(rings)
     check_body(fixed, max_offset=1.0)
@@ -139,12 +139,6 @@ def _polygon(paths: list[Array]) -> Any:
     return body.normalize()
 
 
-def _row(body: Any, points: int) -> float:
-    """Return the distance of points along the outline that equals that of the inner
-    ones."""
-    return edge_spacing(points, body.length, body.area)
-
-
 def _refuse_thin(body: Any, points: int) -> None:
     """Raise InputError where springs cannot resolve a part of the body or a notch."""
     place = _thin_place(body, points)
@@ -161,7 +155,7 @@ def _refuse_thin(body: Any, points: int) -> None:
 
 
 def _thin_place(body: Any, points: int) -> Array | None:
-    row = _row(body, points)
+    row = edge_spacing(points, body.length, body.area)
     body = body.simplify(0.1 * row)  # a rough one takes seconds
     places = shapely.get_coordinates(body.segmentize(row))
     for half_width in _HALF_WIDTHS:
@@ -180,7 +174,8 @@ def _along(ring: Any, row: float, rng: np.random.Generator) -> Array:
     about `row`."""
     smooth = ring.simplify(_ROUGHNESS * row)
     corners = shapely.get_coordinates(smooth)[1:]
-    sides = np.diff(corners @ [1.0, 1.0j], prepend=corners[-1:] @ [1.0, 1.0j])
+    z = corners @ [1.0, 1.0j]
+    sides = z - np.roll(z, 1)
     turn = np.abs(np.angle(np.roll(sides, -1) / sides))
     marks = shapely.points(corners[turn > _CORNER])
     places = np.sort(shapely.line_locate_point(ring, marks))

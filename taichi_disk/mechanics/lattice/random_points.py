@@ -6,8 +6,8 @@ They are placed by exact random sequential adsorption, in array operations.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
+from math import isfinite, pi, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,10 +46,10 @@ def circle_points(
     check_counts(points, seed)
     for key, fault in circle_faults(points, hole, core):
         raise InputError(f"lattice.{key}: {fault}")
-    spacing = least_distance(points, min_spacing) * math.sqrt(1.0 - hole**2)
+    spacing = least_distance(points, min_spacing) * sqrt(1.0 - hole**2)
     rng = np.random.default_rng(seed)
     on_rim = rim_points(points, hole)
-    height = spacing * math.sqrt(0.75)  # of an equilateral triangle
+    height = spacing * sqrt(0.75)  # of an equilateral triangle
     circles = [np.empty((0, 2))]
     radius = 1.0  # of the region of the inner points
     if rim:
@@ -90,9 +90,9 @@ def rim_points(points: int, hole: float = 0.0) -> int:
     inner points."""
     if points <= 3:
         return 3
-    edges = 2.0 * math.pi * (1.0 + hole)
-    spacing = edge_spacing(points, edges, math.pi * (1.0 - hole**2))
-    on_rim = round(2.0 * math.pi / spacing)
+    edges = 2.0 * pi * (1.0 + hole)
+    spacing = edge_spacing(points, edges, pi * (1.0 - hole**2))
+    on_rim = round(2.0 * pi / spacing)
     return min(on_rim, points - 1)  # at least one point stays inside
 
 
@@ -102,13 +102,13 @@ def edge_spacing(points: int, edges: float, area: float) -> float:
     # A point on an edge has half the area of an inner one, so there are n = points -
     # edges/spacing/2 hexagons; their spacing is then quadratic.
     quarter = 0.25 * edges
-    root = math.sqrt(quarter**2 + 2.0 * area * points / math.sqrt(3.0))
+    root = sqrt(quarter**2 + 2.0 * area * points / sqrt(3.0))
     return (quarter + root) / points
 
 
 def rim_spacing(points: int, hole: float = 0.0) -> float:
     """Return the distance of neighbours along the rim [R]."""
-    return 2.0 * math.pi / rim_points(points, hole)
+    return 2.0 * pi / rim_points(points, hole)
 
 
 def circle_faults(points: int, hole: float, core: float) -> list[tuple[str, str]]:
@@ -308,9 +308,9 @@ def rectangle_points(
     """
     frame = np.empty((0, 2))
     clear = 0.0
-    if math.isfinite(row):
+    if isfinite(row):
         frame = _frame(low, high, row)
-        clear = spacing * math.sqrt(0.75)
+        clear = spacing * sqrt(0.75)
     low = low + clear
     high = high - clear
 

@@ -32,6 +32,11 @@ def norms(vectors: Array) -> Array:
     return np.sqrt(x * x + y * y)
 
 
+def quarter_turned(vectors: Array) -> Array:
+    """Return `vectors` (..., 2) turned by a right angle, counter-clockwise."""
+    return vectors[..., ::-1] * [-1.0, 1.0]
+
+
 def delaunay(points: Array) -> Long:
     """Return the Delaunay triangles (t, 3) of `points` (n, 2), counter-clockwise,
     without those of zero area."""

@@ -14,7 +14,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from taichi_disk.mechanics.lattice.triangles import Indices, Long
 
 # springs computed together, so that their square roots and divisions become one vector
 # instruction
@@ -34,22 +35,22 @@ class Arrangement:
     springs complete a block."""
 
     # (slots, 2); fillers join two extra points after the last point
-    ends: NDArray[np.int32]
+    ends: Indices
     # (slots,) index of the spring in each slot; -1 for a filler
-    source: NDArray[np.int64]
+    source: Long
     # points per subdomain, of which the last may have fewer; all points for a single
     # core
     subdomain_points: int
     # (subdomains,) block at which the springs inside each subdomain end; the springs
     # across the seams follow
-    subdomain_ends: NDArray[np.int32]
+    subdomain_ends: Indices
 
     @property
     def subdomains(self) -> int:
         return len(self.subdomain_ends)
 
 
-def arrange(bonds: NDArray[np.int32], points: int) -> Arrangement:
+def arrange(bonds: Indices, points: int) -> Arrangement:
     """Arrange `bonds` (m, 2), which are sorted by their first points, and split a large
     lattice."""
     count = 1
@@ -81,7 +82,7 @@ def arrange(bonds: NDArray[np.int32], points: int) -> Arrangement:
     )
 
 
-def interleave_springs(bonds: NDArray[np.int32], points: int) -> NDArray[np.int64]:
+def interleave_springs(bonds: Indices, points: int) -> Long:
     """Return an order (m,) of `bonds` (m, 2), which are sorted by their first point."""
     # A second addition to the force on a point has to wait until the first is stored.
     # Springs with the same colour in a greedy edge colouring share no point. Within a

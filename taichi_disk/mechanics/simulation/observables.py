@@ -11,6 +11,7 @@ if TYPE_CHECKING:  # the process that draws curves needs no lattice
 
 # the time series: one array (rows,) per column
 Columns: TypeAlias = "dict[str, Array]"
+Bounds: TypeAlias = dict[str, tuple[float, float]]  # smallest and largest values
 
 
 class Column(NamedTuple):
@@ -156,7 +157,7 @@ def split(columns: Columns, inertia: float) -> Columns:
     )
 
 
-def bounds_array(bounds: dict[str, tuple[float, float]]) -> Array:
+def bounds_array(bounds: Bounds) -> Array:
     """Return (2, columns) with the smallest and largest value of every column, infinite
     for columns not in `bounds`."""
     array = np.array([[-np.inf], [np.inf]]) * np.ones(len(INDEX))

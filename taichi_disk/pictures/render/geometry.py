@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_disk.mechanics.lattice import Array, Lattice
+from taichi_disk.mechanics.lattice.triangles import quarter_turned
 from taichi_disk.mechanics.statics.equilibrium import roll_angle, turned
 from taichi_disk.pictures.render.palette import Colour, Theme, round_near
 
@@ -220,8 +221,7 @@ def quads(corners: Sequence[Array], colours: Sequence[Any]) -> Shape:
 def _left(along: Array, length: float = 1.0) -> Array:
     """Return vectors of this length at the left of `along` (..., 2)."""
     size = np.maximum(np.hypot(along[..., 0], along[..., 1]), 1e-300)
-    turned_left = np.stack([-along[..., 1], along[..., 0]], axis=-1)
-    return length / size[..., None] * turned_left
+    return length / size[..., None] * quarter_turned(along)
 
 
 def outline(

@@ -9,6 +9,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from taichi_disk.mechanics.lattice import Array
+from taichi_disk.mechanics.lattice.triangles import quarter_turned
 from taichi_disk.pictures.render.palette import Ink
 
 _SAMPLES = 4  # across a pixel
@@ -58,7 +59,8 @@ def line(start: Array, end: Array, half: float) -> Array:
 
 def _right(along: Array) -> Array:
     """Return unit vectors (..., 2) at the right of others; rows count downwards."""
-    across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
+    # counter-clockwise, if rows counted upwards
+    across = quarter_turned(along)
     return across / np.maximum(np.hypot(*along.T), 1e-9).T[..., None]
 
 

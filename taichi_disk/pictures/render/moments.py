@@ -96,7 +96,7 @@ WHOLE = Span()
 def time_of(moment: Any, run: Run) -> float:
     """Return the time [R/c] of a moment. Raises InputError for a time outside the run
     or an unknown word."""
-    last = float(run.series["t"][-1])
+    last = run.end
     named = {
         "greatest": run.contact.greatest,
         "contact": run.contact.first_sample,
@@ -132,7 +132,7 @@ def curve_span(run: Run) -> tuple[float, float]:
 def film_end(run: Run) -> float:
     """Return the end of a film without a flight [R/c]."""
     if run.scenario.is_thrown:
-        return float(run.series["t"][-1])
+        return run.end
     return last_motion(run.series)
 
 
@@ -165,7 +165,7 @@ def film_times(
 def _times_of_bounces(run: Run) -> Array:
     """Return the times (_PACE_TIMES,) [R/c] of a film of several bounces, whose pace
     grows with the time to the nearest contact."""
-    t = np.linspace(0.0, run.series["t"][-1], 20 * _PACE_TIMES)
+    t = np.linspace(0.0, run.end, 20 * _PACE_TIMES)
     contacts = contacts_of(run.series)
     away = [np.abs(t - np.clip(t, one.start, one.end)) for one in contacts]
     quicker = np.min(away, axis=0) / (_RAMP * (run.contact.end - run.contact.start))
@@ -190,7 +190,7 @@ def cues(
     second_flight = _FLIGHT
     if rings:
         second_flight = _RINGING_FLIGHT
-    longest = max(runs, key=lambda run: float(run.series["t"][-1]))
+    longest = max(runs, key=lambda run: run.end)
     first, last = whole
     if span.start is not None:
         first = time_of(span.start, longest)
@@ -299,7 +299,7 @@ def captions(
             known = bisect_right(ends, shot.t)
             shown_result = results[:known][-1]
             after += 1
-            if film_end(run) < columns["t"][-1]:
+            if film_end(run) < run.end:
                 remarks = NEARLY_AT_REST
             if len(lines) == 1 and not scenario.falls_back:
                 lines = []  # the result is the same number with more digits

@@ -168,7 +168,7 @@ class Recording:
         """Return approximate positions at the end of the film: after the end of the
         run, the disk moves on without changing its shape."""
         columns = self.run.series
-        beyond = max(self.times[-1] - columns["t"][-1], 0.0)
+        beyond = max(self.times[-1] - self.run.end, 0.0)
         velocity = np.array([columns["com_vx"][-1], columns["com_vy"][-1]])
         return self.run.positions + beyond * velocity
 

@@ -11,7 +11,7 @@ from taichi_disk.experiments.computation.stability import explicit_limit
 from taichi_disk.experiments.config.sections import SLIDERS, VideoSection
 from taichi_disk.mechanics.lattice.network import laplacian, largest_eigenvalue
 from taichi_disk.pictures import plot
-from taichi_disk.pictures.curves import LOOKS, Look
+from taichi_disk.pictures.curves import LOOKS
 from taichi_disk.pictures.render import geometry, moments, palette, recording
 from taichi_disk.pictures.render.recording import Flight
 from taichi_disk.pictures.web.drawing import Message, encoded
@@ -94,10 +94,11 @@ def thrown_disk(flight: Flight, video: VideoSection) -> Message | None:
     stiffness = scenario.model.springs.stiffness(lattice, lattice.positions)
     omega = float(np.sqrt(largest_eigenvalue(stiffness, masses)))
     damping = largest_eigenvalue(laplacian(lattice), masses)
-    steps = run.series["t"][-1] / explicit_limit(omega, eta * damping)
+    steps = run.end / explicit_limit(omega, eta * damping)
     if len(masses) > _MOST_POINTS or steps * len(lattice.bonds) > _MOST_WORK:
         return None
     contact = run.contact
+    looks = [LOOKS[column] for column in _COLUMNS]
     return (
         asdict(scene.material)
         | asdict(scene.wall)
@@ -115,15 +116,13 @@ def thrown_disk(flight: Flight, video: VideoSection) -> Message | None:
             "damping": damping,
             "top": scenario.gap - flight.start * scenario.velocity,
             "moments": [contact.start, contact.greatest, contact.end],
-            "curves": [_curve(LOOKS[column]) for column in _COLUMNS],
+            # panel, column, name and colours of each
+            "curves": [
+                [look.panel, look.column, look.name, look.colours] for look in looks
+            ],
             "rules": _RULES,
             "numbers": scenario.numbers(),
             "sliders": SLIDERS,
             "eta_star": eta * len(masses),
         }
     )
-
-
-def _curve(look: Look) -> list[Any]:
-    """Return panel, column, name and colours of a throw's curve."""
-    return [look.panel, look.column, look.name, look.colours]

@@ -263,7 +263,7 @@ class Result(Outcome):
 
         if times is None:
             count = whole_number(frames, "frames", MOST_FRAMES)
-            chosen = np.linspace(0.0, self.series["t"][-1], count)
+            chosen = np.linspace(0.0, self.end, count)
         else:
             chosen = self._times(times)
         exported = []

@@ -211,7 +211,7 @@ class Work:
         end = {
             "positions": outcome.positions,
             "velocities": outcome.velocities,
-            "t": outcome.series["t"][-1],
+            "t": outcome.end,
         }
         files.write_arrays(path / "final.npz", **end)
         folder.take_over()
@@ -254,7 +254,7 @@ class Work:
 def _export(path: Path, outcome: Outcome, format: str) -> None:
     from taichi_disk.runs.output.export import export_run
 
-    times = np.linspace(0.0, outcome.series["t"][-1], FRAMES)
+    times = np.linspace(0.0, outcome.end, FRAMES)
     export_run(outcome.scenario, outcome.replay(times), path, format)
 
 

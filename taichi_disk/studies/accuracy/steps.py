@@ -57,7 +57,7 @@ class StepStudy:
         self.scenario = scenario
         self.spectrum = spectrum(scenario.lattice, scenario.model)
         model = scenario.model
-        self.end = float(outcome.series["t"][-1])
+        self.end = outcome.end
         if model.reset_interval:
             self.end = (
                 max(1, round(self.end / model.reset_interval)) * model.reset_interval

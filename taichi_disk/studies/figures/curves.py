@@ -248,7 +248,8 @@ def analyse(
     rows = _with_short_paths(axes, rows)
     names = {home: name for name, home in axes.items()}
     y = y or base.results[0]
-    x = x or names.get(base.abscissa) or _first_axis(axes)
+    not_the_seed = min(axes, key=lambda name: axes[name] == SEED)
+    x = x or names.get(base.abscissa, not_the_seed)
     diagram = Diagram(base, axes[x], y, [])
     seed = names.get(SEED, "")  # no column if it is not swept
     if x == seed:
@@ -304,11 +305,6 @@ def _with_short_paths(axes: Iterable[str], rows: Sequence[Row]) -> list[Row]:
     return short
 
 
-def _first_axis(axes: dict[str, Home]) -> str:
-    """Return the first axis that is not the seed, if there is one."""
-    return min(axes, key=lambda name: axes[name] == SEED)
-
-
 def _sound(rows: Sequence[Row], x: str) -> list[Row]:
     """Return the rows without those that are folded, and without all rows at a place on
     the axis `x` where most are, so that lattices are complete elsewhere."""
@@ -331,7 +327,10 @@ def _tables(
     """Return the places (points,) on the axis `x`, and a table (lattices, points) of
     each result, NaN where there is no row."""
     lattices = sorted({row.get(seed, 0) for row in rows})
-    places = sorted({row[x] for row in rows}, key=_place_in_order)
+    # words behind numbers
+    places = sorted(
+        {row[x] for row in rows}, key=lambda place: (isinstance(place, str), place)
+    )
     shape = (len(lattices), len(places))
     tables = {name: np.full(shape, np.nan) for name in names}
     for row in rows:
@@ -339,10 +338,6 @@ def _tables(
         for name, table in tables.items():
             table[at] = row[name]
     return np.array(places), tables
-
-
-def _place_in_order(place: Any) -> tuple[bool, Any]:
-    return isinstance(place, str), place
 
 
 def _fits(base: Scene, curve: Curve) -> dict[str, Fit]:

@@ -63,9 +63,7 @@ def test_an_engine_that_cannot_be_loaded_says_what_it_needs(monkeypatch):
     ("error", "limit"),
     [("Resource temporarily unavailable", "-u"), ("Out of memory", "-v")],
 )
-def test_a_limit_that_keeps_the_engine_from_starting_is_named(
-    monkeypatch, error, limit
-):
+def test_a_limit_that_keeps_an_engine_from_starting_is_named(monkeypatch, error, limit):
     def fails(init):
         raise RuntimeError(error)
 

@@ -59,9 +59,7 @@ def test_a_file_is_replaced_by_a_whole_one_or_stays(tmp_path, failure):
 
 
 @pytest.mark.parametrize("code", [errno.EACCES, errno.ENOSPC, errno.EROFS, errno.EXDEV])
-def test_what_cannot_be_renamed_is_copied_unless_there_is_no_room(
-    tmp_path, monkeypatch, code
-):
+def test_what_cannot_be_renamed_is_copied_if_there_is_room(tmp_path, monkeypatch, code):
     def refuse(*_):
         raise OSError(code, "cannot rename")
 

@@ -13,10 +13,7 @@ from taichi_disk.base.errors import InputError, SimulationError
 from taichi_disk.experiments.config.sections import LatticeSection
 from taichi_disk.mechanics.lattice import Lattice
 from taichi_disk.mechanics.lattice.lattice import double_area, polygon_area, triangulate
-from taichi_disk.mechanics.lattice.network import (
-    bending_compliance,
-    network_stiffness,
-)
+from taichi_disk.mechanics.lattice.network import bending_compliance, network_stiffness
 from taichi_disk.mechanics.lattice.random_points import (
     MAX_POINTS,
     MIN_POINTS,

@@ -18,10 +18,7 @@ LOOK = LOOKS["elastic"]
 
 def scene(energies=1, letter=20.0, size=(560, 720)):
     t = np.linspace(0.0, 1.0, 2 * size[0])
-    curves = [
-        TimeCurve(MOTION, 2.0 * t - 1.0),
-        TimeCurve(FORCE, 1.0 - t),
-    ]
+    curves = [TimeCurve(MOTION, 2.0 * t - 1.0), TimeCurve(FORCE, 1.0 - t)]
     for k in range(energies):
         values = t ** (k + 1)
         curves.append(TimeCurve(LOOK, values, NAMES[k]))

@@ -40,9 +40,7 @@ def impact():
     return scenario, outcome.series
 
 
-def test_an_impact_shows_velocity_force_and_energies_with_the_same_bytes_twice(
-    impact, tmp_path
-):
+def test_a_plot_of_an_impact_is_whole_and_has_the_same_bytes_twice(impact, tmp_path):
     scenario, columns = impact
     for name in ("a.png", "b.png"):
         plot_run(tmp_path / name, plot_scene(scenario, columns))
@@ -64,9 +62,7 @@ def test_a_plot_that_was_drawn_early_gets_the_same_title(impact, tmp_path, monke
 
 
 @pytest.mark.parametrize("parts", [1, 4, 12, 24])
-def test_a_title_of_any_length_is_above_the_axes_and_breaks_between_its_parts(
-    impact, parts
-):
+def test_a_title_of_any_length_is_above_axes_and_breaks_between_parts(impact, parts):
     scene = plot_scene(*impact)
     title = (*scene.words.title, "    ".join(["spin = 0.4 c/R"] * parts), "x" * 250)
     scene = replace(scene, words=replace(scene.words, title=title))

@@ -214,9 +214,7 @@ def test_runs_that_began_with_arrays_of_a_person_are_not_of_the_same_scene(tmp_p
 
 @pytest.mark.parametrize("status", ["failed", "interrupted"])
 @pytest.mark.parametrize("count_on", [False, True])
-def test_a_run_without_end_replaces_no_finished_one(
-    notices, tmp_path, status, count_on
-):
+def test_a_run_without_end_replaces_no_whole_one(notices, tmp_path, status, count_on):
     compute(tmp_path / "run", mark="good")
     for mark in ("bad", "worse"):
         options = {"status": status, "count_on": count_on, "mark": mark}

@@ -63,9 +63,7 @@ def into_contact(sandbox):
         pytest.param("compression", SMALL[:1], marks=pytest.mark.validate),
     ],
 )
-def test_the_result_is_a_run_s_to_the_bit_also_after_going_back(
-    kernels, scene, settings
-):
+def test_a_result_is_a_run_s_to_the_bit_also_after_going_back(kernels, scene, settings):
     sandbox = opened(kernels, settings, scene)
     seen = 0.0
     sandbox.speed = 3.0
@@ -205,9 +203,7 @@ def test_slow_motion_begins_at_a_hundredth_of_a_hit_s_force(sandbox, force, expe
     assert pace == pytest.approx(expected, rel=0.15)
 
 
-def test_states_are_remembered_evenly_beyond_the_time_limit_of_a_run(
-    kernels, monkeypatch
-):
+def test_states_are_remembered_evenly_beyond_a_run_s_time_limit(kernels, monkeypatch):
     monkeypatch.setattr(history, "MAX_STATES", 60)
     sandbox = opened(kernels, [*SMALL, "impact.max_time=5"])
     for eta_star in (1.0, 2.0):

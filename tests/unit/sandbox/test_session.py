@@ -326,9 +326,7 @@ def test_every_scene_of_the_list_ends_as_run_does_after_random_events(number, ke
     assert [one.value for one in sandbox.results] == [expected]
 
 
-def test_a_drawn_body_stands_there_and_a_faulty_one_leaves_the_old_one(
-    session, tmp_path
-):
+def test_a_drawn_body_stands_there_and_a_faulty_one_changes_nothing(session, tmp_path):
     say(session, "set", key="lattice.points", value=60)
     for path in ("M0 0L2 2L2 0L0 2Z", 'M0 0"/><use href="/etc/passwd', "M0 0L"):
         say(session, "outline", path=path)
