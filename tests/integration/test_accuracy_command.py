@@ -56,9 +56,7 @@ def test_a_step_too_long_for_finer_lattices_still_gives_a_report(tmp_path, capsy
         ("wall.friction=0.1", "wall.friction: must be 0"),
     ],
 )
-def test_what_cannot_be_measured_is_refused_before_anything_is(
-    setting, reason, tmp_path, capsys
-):
+def test_what_cannot_be_measured_is_refused_at_once(setting, reason, tmp_path, capsys):
     assert accuracy(tmp_path / "out", "exponential_wall", setting) == 2
     assert reason in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

@@ -98,9 +98,7 @@ def test_a_field_is_that_of_its_state_and_at_points_has_a_value_for_each(result)
         _ = result.xi
 
 
-def test_a_disk_is_pushed_hardest_and_stands_lowest_at_the_greatest_compression(
-    result,
-):
+def test_a_disk_is_pushed_hardest_and_stands_lowest_at_the_greatest_compression(result):
     state = result.greatest_compression
     heights = [x[:, 1].mean() for x in result.trajectory(result.series["t"][::5])[1]]
     assert state.positions[:, 1].mean() < min(heights) + 1e-3
@@ -139,7 +137,7 @@ def test_a_misspelt_keyword_of_run_is_answered_by_the_nearest_name(keyword, mean
         run("exponential_wall", **{keyword: 1})
 
 
-def test_a_saved_result_is_loaded_bitwise_the_same_and_its_summary_names_its_film(
+def test_a_saved_result_is_loaded_bitwise_and_its_summary_names_a_film(
     result, tmp_path
 ):
     for array in (result.series["t"], result.positions, result.velocities):
@@ -350,7 +348,7 @@ def test_the_environment_says_how_many_threads_where_nobody_else_does(number):
     ],
 )
 @pytest.mark.validate
-def test_a_progress_callback_receives_every_stage_from_its_beginning(
+def test_a_progress_callback_gets_every_stage_from_its_start(
     kind, keys, stages, tmp_path
 ):
     calls = []

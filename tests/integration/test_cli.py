@@ -39,9 +39,7 @@ def names(folder):
 
 
 @pytest.mark.validate
-def test_a_run_notes_that_eta_star_counts_per_point_where_it_makes_another_body(
-    tmp_path, capsys
-):
+def test_a_run_notes_where_eta_star_per_point_makes_another_body(tmp_path, capsys):
     few = (*SMALL, "material.eta_star=10")
     assert main(arguments(tmp_path / "few", *few)) == 0
     (note,) = summary_in(tmp_path / "few")["notes"]
@@ -164,7 +162,7 @@ NO_MEMORY = (
         (OSError(28, "No space left"), 1, "error: No space left\n"),
     ],
 )
-def test_each_kind_of_failure_has_its_exit_status_and_one_message(
+def test_each_failure_has_its_status_and_message(
     monkeypatch, capsys, failure, status, message
 ):
     def fail(*_, **__):
@@ -193,7 +191,7 @@ def test_check_prints_a_scene_that_checks_as_the_same(tmp_path, capsys):
         ("exponential_wall", ["lattice.file=nowhere.csv"]),
     ],
 )
-def test_check_refuses_what_run_refuses_and_in_the_same_words(
+def test_check_refuses_what_run_does_in_the_same_words(
     tmp_path, capsys, scene, settings
 ):
     assert main(["check", scene, *(f"--set={setting}" for setting in settings)]) == 2
@@ -311,9 +309,7 @@ def test_labels_may_be_words_of_one_option_or_options_of_their_own(monkeypatch):
     ],
 )
 @pytest.mark.validate
-def test_in_a_strange_environment_a_run_is_the_same_and_its_wall_clock_adds_up(
-    tmp_path, environment
-):
+def test_in_a_strange_environment_a_run_and_its_clock_are_right(tmp_path, environment):
     (tmp_path / "matplotlibrc").write_text(
         "text.usetex: True\nsavefig.dpi: 900\naxes.facecolor: red\n"
     )

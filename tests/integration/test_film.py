@@ -429,9 +429,7 @@ def test_a_compression_begins_with_no_minus_and_the_whole_disk_on_a_soft_wall():
         pytest.param(".webm", 3000, marks=pytest.mark.validate),
     ],
 )
-def test_a_full_file_system_is_reported_and_leaves_no_film(
-    run, tmp_path, monkeypatch, suffix, room
-):
+def test_a_full_file_system_leaves_no_film(run, tmp_path, monkeypatch, suffix, room):
     # of this process, which later tests need
     monkeypatch.setattr("taichi_disk.pictures.render.artist._shares_memory", True)
     # A limit on file sizes simulates a full disk: the same system error in the same

@@ -91,9 +91,7 @@ def test_states_survive_the_packing_to_a_thousandth_of_r(folder):
         assert shown == pytest.approx(expected, abs=0.03 * levels), name
 
 
-def test_curves_have_units_and_a_value_for_each_time_and_a_pause_is_no_plateau(
-    folder,
-):
+def test_curves_have_units_and_a_value_for_each_time_and_a_pause_is_no_plateau(folder):
     film, _ = packed(folder / "film.html")
     assert film["titles"] == [
         "normal velocity over initial",
@@ -312,9 +310,7 @@ return [...small, ...low, ...nameless].map((one) => one.outerHTML)"""
 
 @pytest.mark.validate
 @pytest.mark.parametrize("size", [(390, 844), (844, 390), (768, 1024), (1280, 800)])
-def test_on_a_screen_of_any_size_no_text_is_small_and_nothing_scrolls_sideways(
-    browser, folder, size
-):
+def test_on_any_screen_no_text_is_small_or_scrolls_sideways(browser, folder, size):
     opened(browser, folder / "film.html", size)
     browser.script(MOVE, 30)
     browser.script("document.getElementById('looking').open = true")
@@ -465,9 +461,7 @@ def test_an_address_is_read_as_people_write_it_or_named(browser, thrown):
 
 @pytest.mark.validate
 @pytest.mark.parametrize("kind", ["chromium", "firefox"])
-def test_hostile_addresses_throw_the_films_own_disk_or_a_part_that_is_read(
-    browsers, kind, thrown
-):
+def test_hostile_addresses_throw_the_own_disk_or_what_is_read(browsers, kind, thrown):
     browser = browsers(kind)
     browser.driver.get(thrown.as_uri())
     for address in HOSTILE:
@@ -642,7 +636,7 @@ def test_copy_link_of_a_site_is_the_whole_address(browser, thrown):
     ],
     ids=["sandbox", "chromium", "firefox"],
 )
-def test_it_throws_in_frames_that_have_no_address_and_no_store(
+def test_it_throws_in_frames_without_an_address(
     browsers, kind, frames, thrown, tmp_path
 ):
     browser = browsers(kind)

@@ -85,9 +85,7 @@ def test_a_sweep_shows_its_fits_and_gives_a_figure_and_a_table(tmp_path, monkeyp
         done.dataframe()
 
 
-def test_long_work_shows_a_bar_in_a_notebook_which_goes_at_the_end(
-    monkeypatch,
-):
+def test_long_work_shows_a_bar_in_a_notebook_which_goes_at_the_end(monkeypatch):
     class ZMQInteractiveShell:
         pass
 

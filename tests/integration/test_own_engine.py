@@ -150,9 +150,7 @@ def test_all_settings_of_the_user_hold_again_after_a_call(tmp_path):
         ("once(); x = ti.field(ti.f32, 3); in_thread(); x[0]", "in the main thread"),
     ],
 )
-def test_fields_of_one_thread_and_a_run_in_another_work_or_say_which_thread(
-    tmp_path, steps, expected
-):
+def test_fields_of_a_thread_and_a_run_in_another_say_which(tmp_path, steps, expected):
     printed = printed_by("-c", IN_THREAD + steps, cwd=tmp_path)
     refusals = [line for line in printed.splitlines() if "compute in" in line]
     assert [expected in line for line in refusals] == [True] * bool(expected)

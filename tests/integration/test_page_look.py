@@ -119,9 +119,7 @@ PROJECTORS = [((1920, 1080), 730), ((3840, 2160), 1450), ((1024, 768), 380)]
 
 @pytest.mark.validate
 @pytest.mark.parametrize(("size", "least"), PROJECTORS)
-def test_on_a_projector_the_disk_is_large_and_letters_grow_with_the_screen(
-    browser, size, least
-):
+def test_on_a_projector_the_disk_is_large_and_letters_grow_too(browser, size, least):
     browser.resize(size)
     smallest = """
 return Math.min(...[...document.querySelectorAll("main *")].filter((one) =>
@@ -139,19 +137,23 @@ return Math.min(...[...document.querySelectorAll("main *")].filter((one) =>
 
 
 @pytest.mark.validate
-def test_a_phone_begins_with_a_large_disk_and_a_tab_opens_its_panel(browser):
-    browser.resize((390, 844))
+@pytest.mark.parametrize(("height", "is_open"), [(844, True), (660, False)])
+def test_a_phone_begins_with_a_disk_and_if_it_is_tall_with_speed_and_viscosity(
+    browser, height, is_open
+):
+    browser.resize((390, height))
     browser.driver.refresh()
     browser.wait(
         lambda: browser.script("return Boolean(window.sandbox?.drawing.state)")
     )
     time.sleep(0.3)
     shown = (
-        "return document.querySelector('.experiment')"
-        ".checkVisibility({ visibilityProperty: true })"
+        "return [...document.querySelectorAll('#numbers input')].filter((one) =>"
+        " one.checkVisibility({ visibilityProperty: true })"
+        " && one.getBoundingClientRect().bottom < innerHeight).length"
     )
-    assert not browser.script(shown)
-    assert 2 * browser.disk()[1] > 300
+    assert browser.script(shown) == 4 * is_open  # two sliders, two fields
+    assert 2 * browser.disk()[1] > 200
     browser.script("document.querySelector('nav [data-tab=experiment]').click()")
     assert browser.wait(lambda: browser.script(shown))
 

@@ -78,7 +78,7 @@ def in_npz(path):
 @pytest.mark.parametrize(
     ("suffix", "read"), [(".xyz", in_xyz), (".pvd", in_pvd), (".npz", in_npz)]
 )
-def test_a_trajectory_carries_the_scene_and_the_same_bytes_come_twice(
+def test_a_trajectory_carries_the_scene_in_the_same_bytes(
     result, tmp_path, suffix, read
 ):
     first, second = (

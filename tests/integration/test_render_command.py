@@ -34,9 +34,7 @@ def runs(tmp_path_factory):
 
 @needs_vulkan
 @pytest.mark.validate
-def test_filmed_again_a_film_is_the_same_and_another_run_is_shown_beside_it(
-    runs, tmp_path, capsys
-):
+def test_filmed_again_a_film_is_the_same_and_so_beside_another(runs, tmp_path, capsys):
     before = contents(runs[0])
     assert main(["render", str(runs[0])]) == 0
     after = contents(runs[0])

@@ -138,6 +138,7 @@ TINY = {"lattice.points": 30, "material.viscosity": 0.0091}
 DISK = Lattice.disk(30, seed=2)
 FALLING = np.tile([0.0, -0.03], (30, 1))
 THROWN = "impact stepping"
+RELAXATION = ("compression stepping", {"compression.method": "relaxation"}, {})
 CASES = [
     (THROWN, {}, {}),
     (f"{THROWN} several", {}, {"lattices": 2}),
@@ -146,12 +147,7 @@ CASES = [
     (f"{THROWN} oblique friction", {"impact.angle": 0.4, "wall.friction": 0.2}, {}),
     (f"{THROWN} oblique several", {"impact.angle": 0.4}, {"lattices": 2}),
     ("compression newton", {"compression.method": "newton"}, {}),
-    pytest.param(
-        "compression stepping",
-        {"compression.method": "relaxation"},
-        {},
-        marks=pytest.mark.validate,
-    ),
+    pytest.param(*RELAXATION, marks=pytest.mark.validate),
     (f"{THROWN} own python", {}, {"lattice": DISK}),
     (f"{THROWN} own python", {}, {"velocities": FALLING}),
     (f"{THROWN} own python", {}, {"lattice": DISK, "velocities": FALLING}),
@@ -162,7 +158,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("words", "keys", "options"), CASES)
-def test_each_key_of_the_summary_is_there_under_its_condition(
+def test_each_key_is_there_under_its_condition(
     tmp_path, monkeypatch, words, keys, options
 ):
     monkeypatch.chdir(tmp_path)

@@ -108,9 +108,7 @@ def test_a_copied_or_moved_folder_gets_an_environment_of_its_own(clone):
     ("tool", "line", "name"),
     [("uname", "echo aarch64", "aarch64"), ("ldd", "echo musl libc >&2", "musl")],
 )
-def test_a_machine_without_wheels_is_named_before_anything_is_installed(
-    clone, tool, line, name
-):
+def test_a_machine_without_wheels_is_named_before_all_else(clone, tool, line, name):
     script(clone / "tools" / tool, line)
     done, made = set_up(clone, "run")
     assert (done.returncode, made) == (1, [])

@@ -260,9 +260,7 @@ def test_a_second_signal_ends_a_command_that_waits_for_its_scene(tmp_path):
 
 
 @pytest.mark.validate
-def test_an_interrupt_while_the_first_picture_is_read_is_like_any_other(
-    tmp_path,
-):
+def test_an_interrupt_while_the_first_picture_is_read_is_like_any_other(tmp_path):
     assert python("-c", FIRST_PICTURE, cwd=tmp_path).returncode == 7
 
 

@@ -149,7 +149,7 @@ def test_a_sweep_over_any_axis_has_means_over_lattices(tmp_path):
         assert half_width == pytest.approx(expected, rel=1e-5)
 
 
-def test_a_sweep_whose_figure_cannot_be_written_prints_its_fits(
+def test_a_sweep_without_a_figure_prints_fits(
     small, scene, tmp_path, monkeypatch, capsys
 ):
     def fail(diagram, out):
@@ -194,7 +194,7 @@ def test_a_row_is_what_running_its_scene_gives_bit_for_bit(text, small, tmp_path
         ("sweep: {dt: [0.02, 0.5]}", ["done", "failed"], "stability limit"),
     ],
 )
-def test_failed_points_are_listed_and_tried_again_and_do_not_stop_the_others(
+def test_failed_points_are_listed_tried_again_and_alone(
     axes, statuses, reason, tmp_path
 ):
     result = swept(ONE + axes + "\n", tmp_path / "out")
@@ -212,9 +212,7 @@ def test_failed_points_are_listed_and_tried_again_and_do_not_stop_the_others(
         (KeyError(), "unexpected KeyError: "),
     ],
 )
-def test_an_unexpected_error_at_one_point_does_not_stop_the_others(
-    error, reason, tmp_path, monkeypatch
-):
+def test_an_error_at_one_point_stops_no_other(error, reason, tmp_path, monkeypatch):
     compute = work.outcome_of
 
     def sometimes(scene, **options):
@@ -367,9 +365,7 @@ UNREADABLE = {
 
 
 @pytest.mark.parametrize("name", UNREADABLE)
-def test_a_result_that_cannot_be_read_is_named_in_one_clear_error(
-    small, scene, tmp_path, name, capsys
-):
+def test_a_result_that_cannot_be_read_is_named(small, scene, tmp_path, name, capsys):
     shutil.copytree(small.out, tmp_path / "out")
     path = points(tmp_path / "out")[0]
     spoilt = UNREADABLE[name](path.read_text())
@@ -456,9 +452,7 @@ def test_a_second_table_in_a_folder_in_use_is_refused_and_parts_are_not(tmp_path
 
 
 @pytest.mark.parametrize("code", [errno.ENOLCK, errno.EOPNOTSUPP])
-def test_a_sweep_goes_on_without_a_lock_where_there_are_none(
-    tmp_path, monkeypatch, notices, code
-):
+def test_sweeps_go_on_where_there_are_no_locks(tmp_path, monkeypatch, notices, code):
     def refuse(self):
         raise OSError(code, "No locks available")
 
@@ -533,9 +527,7 @@ def test_a_malformed_part_or_number_of_jobs_is_refused(options, message, tmp_pat
     ("points", "jobs", "started"),
     [(300, 1, None), (300, 2, 1), (300, 3, 2), (30_000, 1, None), (30_000, 2, 2)],
 )
-def test_beside_its_processes_a_sweep_computes_short_scenes_itself(
-    points, jobs, started, monkeypatch
-):
+def test_a_sweep_computes_short_scenes_itself_too(points, jobs, started, monkeypatch):
     sweep = load_sweep("figure3", [f"lattice.points={points}"])
     scenes = {str(k): scene for k, scene in enumerate(sweep.scenes)}
     monkeypatch.setattr(executors, "Pool", nullcontext)  # stands for its size

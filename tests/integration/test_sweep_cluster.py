@@ -269,9 +269,7 @@ def test_a_dask_worker_without_the_package_is_named(cluster, scene, tmp_path):
     assert last.endswith("): install the same packages everywhere")
 
 
-def test_a_dask_worker_with_several_threads_gives_the_same_bytes(
-    cluster, scene, expected, tmp_path
-):
+def test_a_dask_worker_with_threads_gives_the_bytes(cluster, scene, expected, tmp_path):
     cluster.without_workers().add_worker(threads=4)
     assert finish(scene, tmp_path / "out", "--scheduler", cluster.address) == POINTS
     assert (tmp_path / "out" / "points.csv").read_bytes() == expected
@@ -292,9 +290,7 @@ def test_a_sweep_waits_while_there_are_no_workers(cluster, scene, expected, tmp_
     assert (out / "points.csv").read_bytes() == expected
 
 
-def test_a_scheduler_that_goes_ends_the_sweep_and_the_last_line_says_so(
-    cluster, scene, tmp_path
-):
+def test_a_scheduler_that_goes_ends_a_sweep_which_says_so(cluster, scene, tmp_path):
     out = tmp_path / "out"
     process = started(*command(scene, out, "--scheduler", cluster.address))
     wait_until(lambda: count(out) > 0, "no point is done")

@@ -233,9 +233,7 @@ def test_a_disk_or_a_start_of_ones_own_is_not_thrown(tmp_path):
     assert not is_thrown(scene.scenario(own=own))
 
 
-def test_a_page_says_that_a_disk_is_too_large_with_its_own_scene(
-    tmp_path, monkeypatch, notices
-):
+def test_a_page_says_that_a_disk_is_too_large_for_it(tmp_path, monkeypatch, notices):
     scene = load_scene("exponential_wall", [*SMALL, "wall.a=200", "video.seconds=1"])
     result = api.run(scene.with_({"video.goal": 0.9}), lattices=1)
     notices.clear()

@@ -25,9 +25,7 @@ def test_scenes_give_the_same_bits_again_in_any_order(kernels):
             assert_array_equal(column, other.series[name], err_msg=name)
 
 
-def test_replayed_moments_are_those_of_the_run_whatever_kernels_do_meanwhile(
-    kernels,
-):
+def test_replayed_moments_are_those_of_the_run_whatever_kernels_do_meanwhile(kernels):
     _, outcome = computed(kernels, *IMPACT)
     columns = outcome.series
     rows = np.array([0, 3, 3, len(columns["t"]) // 2, len(columns["t"]) - 1])

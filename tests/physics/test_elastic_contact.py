@@ -157,9 +157,7 @@ def test_a_surface_of_two_points_is_one_spring_for_either_contact(kernels):
     assert found[0] == found[1] > 0.8
 
 
-def test_a_point_that_passes_to_another_spring_loses_the_jump_of_its_potential(
-    kernels,
-):
+def test_a_point_that_passes_to_another_spring_loses_the_jump_of_its_potential(kernels):
     # on a bent surface, by the trapezoidal rule over the move
     rng = np.random.default_rng(3)
     x = LATTICE.positions.copy()

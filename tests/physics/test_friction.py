@@ -160,9 +160,7 @@ SLOW = (
 )
 
 
-def test_a_gain_of_e_is_compared_with_its_error_and_is_the_sum_of_its_parts(
-    kernels,
-):
+def test_a_gain_of_e_is_compared_with_its_error_and_is_the_sum_of_its_parts(kernels):
     dashpots = "material.eta_star=0.001"
     scenario, outcome = computed(kernels, *SLOW, dashpots, estimate=False)
     assert not energy_gained(scenario, outcome.series, 1e-3)
@@ -244,9 +242,7 @@ def test_a_slow_throw_is_that_of_a_rigid_disk(kernels):
     )
 
 
-def test_friction_alone_brakes_no_straight_throw_and_has_no_e_of_its_own(
-    kernels,
-):
+def test_friction_alone_brakes_no_straight_throw_and_has_no_e_of_its_own(kernels):
     _, _, found = impact(kernels, *SMALL, "wall.friction=0.3")
     _, _, plain = impact(kernels, *SMALL)
     assert "tangential_restitution" not in found
@@ -344,7 +340,7 @@ def test_results_along_the_wall_do_not_depend_on_how_far_from_it_the_run_ends(ke
         (0.002, "vector", 1e-6, False),
     ],
 )
-def test_a_warning_says_that_dashpots_took_one_per_cent_of_a_spin(
+def test_a_warning_names_the_spin_that_dashpots_took(
     eta_star, dashpot, spin, is_warned, kernels
 ):
     spinning = (*SMALL, f"impact.spin={spin}", "impact.gap=0.2")

@@ -164,9 +164,7 @@ def test_a_hard_wall_is_expected_to_stop_the_heaviest_point_by_itself(body):
 
 @pytest.mark.validate
 @pytest.mark.parametrize(("a", "speed"), [(100.0, 0.02), (3000.0, 0.1)])
-def test_the_force_on_a_point_is_estimated_as_well_as_the_step_margin_requires(
-    a, speed, kernels
-):
+def test_forces_on_a_point_are_known_as_well_as_step_margins_need(a, speed, kernels):
     settings = ("lattice.points=300", "time.safety=0.5", f"wall.a={a}")
     settings += (f"impact.velocity={speed}",)
     scenario, outcome = computed(kernels, "exponential_wall", *settings, estimate=False)

@@ -53,9 +53,7 @@ def test_a_disk_that_spins_beside_strong_dashpots_meets_its_estimate(
         pytest.param(0.1, 0.1, marks=LONG),
     ],
 )
-def test_the_balance_of_linear_springs_with_dashpots_is_exact_at_any_step(
-    mass, stretch, kernels
-):
+def test_the_balance_of_linear_damped_springs_is_always_exact(mass, stretch, kernels):
     # Leapfrog conserves E - h^2/(8 m) f.F, whose second term is 0 when the body is at
     # rest in the end.
     masses = np.array([mass, 1.0 - mass])

@@ -14,9 +14,7 @@ from taichi_disk.cli import main
 
 
 @pytest.mark.validate
-def test_a_ready_machine_is_reported_ready_and_nothing_is_left_behind(
-    tmp_path, monkeypatch, capsys
-):
+def test_a_ready_machine_is_reported_and_nothing_left(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     assert main(["doctor"]) == 0
@@ -35,7 +33,7 @@ def test_a_ready_machine_is_reported_ready_and_nothing_is_left_behind(
         ("exec sleep 60", 0.5, "no answer within 0.5 s"),
     ],
 )
-def test_a_crash_and_a_hang_are_reported_with_the_remedy(
+def test_crashes_and_hangs_are_reported(
     tmp_path, monkeypatch, capsys, script, seconds, message
 ):
     python = tmp_path / "python"

@@ -74,9 +74,7 @@ def growth(simulation, steps):
         (TRAPEZOIDAL, 100.0),
     ],
 )
-def test_steps_below_the_limit_stay_bounded_and_above_blow_up(
-    integrator, eta_star, pressed, kernels
-):
+def test_steps_above_the_limit_alone_blow_up(integrator, eta_star, pressed, kernels):
     for k_a in (1e-3, 1.0, 1e3):
         lattice = Lattice.disk(POINTS, 0)
         springs = Springs(k_a, 0.0, eta_star / POINTS)
@@ -121,7 +119,7 @@ def slope_of(energy):
     ("integrator", "fraction"),
     [(VELOCITY_VERLET, 0.8), (VELOCITY_VERLET, 0.4), (TAKAHASHI_IMADA, 0.8)],
 )
-def test_the_energy_of_a_free_disk_does_not_drift_in_a_million_steps(
+def test_a_free_disk_s_energy_does_not_drift_in_long_runs(
     integrator, fraction, kernels
 ):
     # The disk vibrates at strains of some per cent.

@@ -94,8 +94,8 @@ export class Sandbox {
     }
     // Where there is a tab for the experiment, one panel is seen at a time.
     this.showTab(node.querySelector(".narrow").clientWidth ? "experiment" : "graphs");
-    // A phone begins with the disk alone.
-    if (node.clientWidth <= 640 && node.clientHeight > 480) this.fold();
+    // On a short phone the disk would be small above the panel.
+    if (node.clientWidth <= 640 && node.clientHeight > 480 && node.clientHeight < 740) this.fold();
     new ResizeObserver(() => this.redraw()).observe(node);
     ui.eq5.onchange = () => this.showResults();
     ui.timeline.oninput = () => this.send({ do: "scrub", t: Number(ui.timeline.value) });

@@ -40,9 +40,7 @@ def test_the_smallest_quota_of_all_groups_counts(tmp_path, membership, files, qu
 
 
 @pytest.mark.parametrize(("quota", "expected"), [(0.5, 1), (1, 1), (2, 2), (inf, 8)])
-def test_cores_are_those_of_the_affinity_and_no_more_than_the_quota(
-    monkeypatch, quota, expected
-):
+def test_cores_are_the_affinity_s_and_within_the_quota(monkeypatch, quota, expected):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(8), raising=False)
     monkeypatch.setattr("taichi_disk.base.machine.cpu_quota", lambda *_: quota)
     assert cores() == expected
@@ -64,7 +62,7 @@ OTHERS = dict.fromkeys(["blender", "qgis-bin.exe", "", None], False)
 
 
 @pytest.mark.parametrize(("name", "is_python"), [*PYTHONS.items(), *OTHERS.items()])
-def test_an_application_that_contains_python_is_no_python(
+def test_an_application_with_python_is_no_python(
     name, is_python, tmp_path, monkeypatch
 ):
     program = name

@@ -214,9 +214,7 @@ WALL = ("absorbing_wall", *SMALL[1:3])
         ((*WALL, "wall.boundary=dashpot", "wall.contact=smooth"), VV),
     ],
 )
-def test_order_4_is_taken_where_forces_are_smooth_and_depend_on_positions_alone(
-    settings, expected
-):
+def test_order_4_is_taken_where_forces_are_smooth_and_conservative(settings, expected):
     assert control_of(*settings).step.integrator is expected
 
 
@@ -332,9 +330,7 @@ def test_a_tolerance_is_not_met_by_results_that_agree_by_chance(kernels):
         (0.0, [0.0, 1e-9, -1e-9], 3, 0.0),
     ],
 )
-def test_three_successive_results_decide_whether_a_tolerance_is_met(
-    shift, offsets, runs, sliding, kernels
-):
+def test_three_results_decide_on_a_tolerance(shift, offsets, runs, sliding, kernels):
     driver = drivers_of(kernels, *SMALL, "time.tolerance=3e-5")[-1]
     last, errors = until_within_tolerance(driver, shift, offsets, sliding)
     assert last.step.dt == driver.step.dt / 2 ** (runs - 1)

@@ -245,9 +245,7 @@ def test_a_field_says_where_it_lives_and_in_which_unit():
 
 
 @pytest.mark.parametrize("colour", QUANTITIES)
-def test_a_vibration_shown_3_times_stronger_has_the_colours_of_a_larger_one(
-    colour,
-):
+def test_a_vibration_shown_3_times_stronger_has_the_colours_of_a_larger_one(colour):
     rest = DISK.positions
     painter = Painter(DISK, SPRINGS, colour=colour)
 

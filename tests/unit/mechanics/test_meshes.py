@@ -166,9 +166,7 @@ $EndElements
         ("a.xyz", "0\n", r"write its points as a table \(.csv\)"),
     ],
 )
-def test_a_file_that_meshio_cannot_read_is_answered_with_what_helps(
-    tmp_path, name, content, message
-):
+def test_a_file_that_meshio_cannot_read_gets_advice(tmp_path, name, content, message):
     (tmp_path / name).write_text(content)
     with pytest.raises(InputError, match=message):
         Lattice.read(tmp_path / name)

@@ -40,9 +40,7 @@ def impact():
     return scenario, outcome.series
 
 
-def test_an_impact_shows_velocity_force_and_energies_with_the_same_bytes_twice(
-    impact, tmp_path
-):
+def test_a_plot_of_an_impact_is_whole_and_has_the_same_bytes_twice(impact, tmp_path):
     scenario, columns = impact
     for name in ("a.png", "b.png"):
         plot_run(tmp_path / name, plot_scene(scenario, columns))

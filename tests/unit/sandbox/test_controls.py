@@ -102,7 +102,7 @@ def test_a_scene_of_the_list_may_set_the_pace(controls):
         assert sandbox.slow
 
 
-def test_a_typed_speed_above_c_is_refused_and_a_large_n_is_limited_with_a_word(
+def test_a_speed_above_c_is_refused_and_a_large_n_limited_in_words(
     controls, monkeypatch
 ):
     sandbox = controls.sandbox

@@ -225,7 +225,7 @@ def thrown(eta_star, name="eta_star", lattices=2):
         ("exponential_wall", "material.viscosity=0", "other", 0.0, False),
     ],
 )
-def test_eq_4_is_fitted_where_there_are_dashpots_swept_or_not(
+def test_eq_4_is_fitted_where_there_are_dashpots(
     kind, setting, name, number, is_fitted
 ):
     axes = ["seed", "velocity"] if name == "other" else [name, "seed", "velocity"]
