@@ -10,20 +10,13 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from taichi_disk.base.errors import InputError, TaichiDiskError
 from taichi_disk.base.files import write_text
-from taichi_disk.experiments.config.sections import (
-    SLIDERS,
-    Boundary,
-    Colour,
-    Dashpot,
-    Draw,
-    Theme,
-)
+from taichi_disk.experiments.config.sections import SLIDERS
 from taichi_disk.experiments.scenes import Scene
 from taichi_disk.sandbox.sandbox import Sandbox, load_key, value_of
 
@@ -128,20 +121,13 @@ RANGES = {
         "factor by which drawn displacements are larger",
     ),
 }
-CHOICES: dict[str, tuple[str, Any]] = {
-    "wall.boundary": ("boundary of the wall", Boundary),
-    "material.dashpot": ("dashpots", Dashpot),
-    "video.colour": ("colours show", Colour),
-    "video.draw": ("drawn as", Draw),
-    "video.theme": ("background", Theme),
+CHOICES = {
+    "wall.boundary": "boundary of the wall",
+    "material.dashpot": "dashpots",
+    "video.colour": "colours show",
+    "video.draw": "drawn as",
+    "video.theme": "background",
 }
-
-
-def values_of(key: str) -> tuple[str, ...]:
-    """Return the values of a choice."""
-    return get_args(CHOICES[key][1])
-
-
 SVG = '<svg xmlns="http://www.w3.org/2000/svg"><path d="{}"/></svg>\n'
 
 
@@ -295,6 +281,11 @@ class Controls:
         # the largest displacement is not known here
         return 1.0 if value == "auto" else value
 
+    def options(self, key: str) -> tuple[str, ...]:
+        """Return the values of a choice that the scene has."""
+        section, name = key.split(".")
+        return self.sandbox.scene.sections()[section].schema()[name].words
+
     def set(self, key: str, value: Any) -> None:
         """Change a number or a choice; a key that the scene does not have is ignored.
         Raises TaichiDiskError."""
@@ -349,7 +340,7 @@ class Controls:
         the scene has it."""
         value = self.value(key)
         if value is not None:
-            values = values_of(key)
+            values = self.options(key)
             self.sandbox.set(key, values[(values.index(value) + 1) % len(values)])
 
     # ---- scenes

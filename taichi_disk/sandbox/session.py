@@ -34,7 +34,6 @@ from taichi_disk.sandbox.controls import (
     Controls,
     Preset,
     described,
-    values_of,
 )
 from taichi_disk.sandbox.graphs import CURVES, ScaleMaxima, curve_values, graphs
 from taichi_disk.sandbox.sandbox import Sandbox, load_key, printed, value_of
@@ -367,11 +366,11 @@ class Session:
     def _choices(self) -> list[Message]:
         """Return the choices of the present scene."""
         choices = []
-        for key, (name, _) in CHOICES.items():
+        for key, name in CHOICES.items():
             value = self.controls.value(key)
             if value is not None:
                 choice = {"key": key, "name": name, "value": value}
-                choices.append(choice | {"options": values_of(key)})
+                choices.append(choice | {"options": self.controls.options(key)})
         return choices
 
 

@@ -12,6 +12,8 @@ from taichi_disk import Lattice, load_scene, load_sweep, run, run_sweep
 from taichi_disk.base.errors import InputError, SimulationError
 from taichi_disk.runs.api import lattices
 
+LONG = pytest.mark.validate
+RELAXATION = {"compression.method": "relaxation"}
 SMALL = {"lattice.points": 60, "lattice.seed": 3, "material.viscosity": 0.0091}
 SCENE = load_scene("exponential_wall").with_(SMALL)
 
@@ -22,14 +24,8 @@ SCENE = load_scene("exponential_wall").with_(SMALL)
     [
         ("exponential_wall", {"impact.angle": 0.4}),
         ("compression", {"compression.method": "newton"}),
-        pytest.param(
-            "absorbing_wall", {"wall.points": 100}, marks=pytest.mark.validate
-        ),
-        pytest.param(
-            "compression",
-            {"compression.method": "relaxation"},
-            marks=pytest.mark.validate,
-        ),
+        pytest.param("absorbing_wall", {"wall.points": 100}, marks=LONG),
+        pytest.param("compression", RELAXATION, marks=LONG),
     ],
 )
 def test_mean_and_scatter_are_those_of_a_sweep_over_the_same_seeds_to_all_digits(
@@ -112,13 +108,7 @@ def test_a_lattice_far_off_makes_the_interval_no_summary():
     ("kind", "keys", "count", "reason"),
     [
         ("exponential_wall", {"time.tolerance": 1e-3}, 3, "a tolerance"),
-        pytest.param(
-            "compression",
-            {"compression.method": "relaxation"},
-            3,
-            "a relaxation",
-            marks=pytest.mark.validate,
-        ),
+        pytest.param("compression", RELAXATION, 3, "a relaxation", marks=LONG),
         ("compression", {"compression.method": "newton"}, 8, ""),
     ],
 )

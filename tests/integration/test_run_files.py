@@ -138,6 +138,7 @@ TINY = {"lattice.points": 30, "material.viscosity": 0.0091}
 DISK = Lattice.disk(30, seed=2)
 FALLING = np.tile([0.0, -0.03], (30, 1))
 THROWN = "impact stepping"
+RELAXATION = ("compression stepping", {"compression.method": "relaxation"}, {})
 CASES = [
     (THROWN, {}, {}),
     (f"{THROWN} several", {}, {"lattices": 2}),
@@ -146,12 +147,7 @@ CASES = [
     (f"{THROWN} oblique friction", {"impact.angle": 0.4, "wall.friction": 0.2}, {}),
     (f"{THROWN} oblique several", {"impact.angle": 0.4}, {"lattices": 2}),
     ("compression newton", {"compression.method": "newton"}, {}),
-    pytest.param(
-        "compression stepping",
-        {"compression.method": "relaxation"},
-        {},
-        marks=pytest.mark.validate,
-    ),
+    pytest.param(*RELAXATION, marks=pytest.mark.validate),
     (f"{THROWN} own python", {}, {"lattice": DISK}),
     (f"{THROWN} own python", {}, {"velocities": FALLING}),
     (f"{THROWN} own python", {}, {"lattice": DISK, "velocities": FALLING}),

@@ -419,10 +419,11 @@ def test_presets_are_the_scenes_of_the_list_after_that_which_was_given():
 
 
 def test_a_disk_under_gravity_goes_on_bouncing_after_its_result(kernels):
-    settings = ["lattice.points=60", "impact.bounces=2"]
+    settings = ["lattice.points=60", "impact.bounces=2", "impact.gravity=5e-3"]
     sandbox = opened(kernels, settings, "bouncing_disk")
     outcome, e = computed(sandbox.scene)
     sandbox.paused = False
+    sandbox.speed = 50.0
     while not sandbox.results:
         sandbox.advance(0.237)
     assert sandbox.results[0].value == e
