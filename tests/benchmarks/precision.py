@@ -30,14 +30,13 @@ from taichi_disk.experiments.computation.outcome import compute
 from taichi_disk.experiments.scenes import load_scene
 from taichi_disk.experiments.scenes.setup import outcome_of
 from taichi_disk.pictures.curves import OKABE_ITO
-from taichi_disk.pictures.plot import matplotlib_style
+from taichi_disk.pictures.plot import STYLE, matplotlib_style
 from taichi_disk.studies.figures.drawing import log_if_wide
 
 from .peers import SLOW, dop853, restitution, seconds_of, start_of
 
 RIGID = "exponential_wall"
 FREE = "material.eta_star=0"
-SKY = "#56B4E9"
 # with a second run for the error estimate, without it, and at a given tolerance
 KINDS = ("run", "bare", "tolerance")
 
@@ -53,7 +52,7 @@ RTOLS = {
     "Radau": (1e-5,),
     "BDF": (1e-6, 1e-7),
 }
-BLUE, RED, GREEN, ORANGE, PINK = OKABE_ITO
+BLUE, RED, GREEN, ORANGE, _ = OKABE_ITO
 VERLET = "velocity_verlet"
 IMADA = "takahashi_imada"
 TRAPEZOIDAL = "trapezoidal"
@@ -65,22 +64,19 @@ NAMES = {
 TOLERANCES = {VERLET: (1e-6, 1e-7), IMADA: (1e-7, 1e-9), TRAPEZOIDAL: (1e-5, 1e-7)}
 LOOK = {
     f"run, {NAMES[VERLET]}": (BLUE, "o"),
-    f"run, {NAMES[IMADA]}": (SKY, "s"),
-    f"run, {NAMES[TRAPEZOIDAL]}": (SKY, "s"),
+    f"run, {NAMES[IMADA]}": (BLUE, "s"),
+    f"run, {NAMES[TRAPEZOIDAL]}": (BLUE, "s"),
     "DOP853": (RED, "^"),
     "Radau": (RED, ">"),
     "BDF": (RED, "<"),
     "LAMMPS": (GREEN, "v"),
     "Numba": (ORANGE, "D"),
-    "Numba, Takahashi-Imada": (PINK, "P"),
+    "Numba, Takahashi-Imada": (ORANGE, "P"),
 }
 FLOOR = 1e-11  # of errors: to what the reference is known
-STYLE = {
-    "font.size": 12,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "lines.linewidth": 1.6,
-}
+SOLVERS = ("DOP853", "Radau", "BDF")
+HIGHER = (*SOLVERS, f"run, {NAMES[IMADA]}", "Numba, Takahashi-Imada")
+TITLES = ("methods of order 2", "Takahashi–Imada, and solvers of SciPy")
 
 
 @dataclass(frozen=True)
@@ -331,39 +327,63 @@ def spread(seconds, unit):
 
 
 def diagram(points):
-    """Draw error over the time of a further impact, both logarithmic. Open: without a
-    second run; crosses: with a tolerance. Readable at a width of 360 px."""
-    with matplotlib_style(STYLE):
-        figure = Figure(figsize=(6.0, 6.0), dpi=130, layout="constrained")
+    """Draw error over the time of a further impact, both logarithmic: methods of order
+    2 above, higher orders below, each program with its name beside one of its points.
+
+    Open: without a second run. Tolerances stand in the table alone. Readable at a
+    width of 360 px.
+    """
+    drawn = [point for point in points if kind_of(point)[1] != "tolerance"]
+    with matplotlib_style(STYLE | {"font.size": 12}):
+        figure = Figure(figsize=(6.0, 7.2), dpi=130, layout="constrained")
         FigureCanvasAgg(figure)
-        ax = figure.subplots()
-        for program, kind in product(LOOK, KINDS):
-            own = [point for point in points if kind_of(point) == (program, kind)]
-            if own:
-                milliseconds = [1e3 * min(point.further) for point in own]
-                errors = [max(point.error, FLOOR) for point in own]
-                ax.plot(milliseconds, errors, **look_of(program, kind))
-        ax.set_xlabel("wall clock of a further impact  [ms]")
-        ax.set_ylabel("rms error of e")
-        ax.set_yscale("log")
-        log_if_wide(ax, np.array([1e3 * min(point.further) for point in points]))
-        ax.margins(y=0.1)
-        ax.grid(alpha=0.25)
-        figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=10)
+        panels = figure.subplots(2, 1, sharex=True)
+        for ax, title, is_higher in zip(panels, TITLES, (False, True), strict=True):
+            own = [point for point in drawn if (point.program in HIGHER) == is_higher]
+            for program, kind in product(LOOK, KINDS):
+                draw_program(ax, program, kind, own)
+            ax.set_title(title, loc="left")
+            ax.set_ylabel("rms error of e")
+            ax.set_yscale("log")
+            ax.margins(x=0.08, y=0.25)
+        panels[1].set_xlabel("wall clock of a further impact  [ms]")
+        log_if_wide(panels[1], np.array([1e3 * min(one.further) for one in drawn]))
         figure.draw_without_rendering()
     return figure
 
 
-def look_of(program, kind):
-    """Return label and style of the points of a program that are of this kind."""
+def draw_program(ax, program, kind, points):
+    """Draw the points of a program that are of this kind, and write its name."""
+    own = [point for point in points if kind_of(point) == (program, kind)]
+    if not own:
+        return
     colour, marker = LOOK[program]
-    look = {"label": program, "color": colour, "marker": marker, "ms": 7}
-    if kind == "tolerance":
-        look |= {"label": f"{program}, tolerance", "linestyle": "", "marker": "x"}
-        look |= {"ms": 8, "mew": 2}
-    elif kind == "bare" and program.startswith("run"):
-        look |= {"label": f"{program}, one run", "linestyle": ":", "mfc": "none"}
-    return look
+    look = {"color": colour, "marker": marker, "ms": 7}
+    name = program.partition(", ")[0]
+    if kind == "bare" and name == "run":
+        look |= {"linestyle": ":", "mfc": "none"}
+        name = "run, one run"
+    if program in SOLVERS:  # the errors at large tolerances are irregular
+        look |= {"linestyle": "none"}
+    milliseconds = [1e3 * min(point.further) for point in own]
+    errors = [max(point.error, FLOOR) for point in own]
+    ax.plot(milliseconds, errors, **look)
+    # above the first point or below the last, where other names are not
+    if kind == "run" or name == "LAMMPS":
+        place = np.argmax(errors)
+        where = {"xytext": (0, 8), "ha": "center", "va": "bottom"}
+    else:
+        place = np.argmin(errors)
+        where = {"xytext": (0, -9), "ha": "center", "va": "top"}
+    if name == "run, one run":
+        where["ha"] = "right"
+    ax.annotate(
+        name,
+        (milliseconds[place], errors[place]),
+        textcoords="offset points",
+        color=colour,
+        **where,
+    )
 
 
 def kind_of(point):

@@ -69,7 +69,7 @@ def test_the_numbers_along_the_diagram_do_not_overlap():
         )
         for time in times
     ]
-    axes = precision.diagram(points).axes[0]
+    axes = precision.diagram(points).axes[1]
     low, high = axes.get_xlim()
     boxes = [
         label.get_window_extent()

@@ -67,7 +67,7 @@ class Driver:
         bounds: (2, columns) smallest and largest values at the end of the scene.
         needed_rows, settled_rows: number of successive rows within `bounds` at the end
             of the scene, and their number so far.
-        start, state: first and last valid state.
+        state: last valid state.
         row: observables (columns,) of `state`.
         balance: energy balance of the rows so far.
         status: the last return value of `advance`.
@@ -103,7 +103,7 @@ class Driver:
         self.count = 1
         self.row = first_row
         self.balance = EnergyBalance(first_row, scenario.model.elastic)
-        self.start = self.state = self.simulation.snapshot()
+        self.state = self.simulation.snapshot()
         self.status: Status = "running"
         self.failure: SimulationError | None = None
         self.end: Snapshot | None = None

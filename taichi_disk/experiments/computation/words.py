@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TypeAlias
 
 Numbers: TypeAlias = dict[str, float]  # results, errors or observables by name
+Pair: TypeAlias = tuple[str, str]  # such as a name and its unit
 Lines: TypeAlias = tuple[str, ...]  # texts, one below another
 
 
@@ -32,12 +33,12 @@ class Words:
 
     title: Lines
     symbol: str = ""
-    labels: dict[str, tuple[str, str]]
+    labels: dict[str, Pair]
     measured: dict[str, str] = field(default_factory=dict)
-    marks: tuple[str, str] = ("", "")
+    marks: Pair = ("", "")
     motion: str
-    momentary: tuple[str, str] = ("velocity upwards", "c")
+    momentary: Pair = ("velocity upwards", "c")
     time: str = "time  [R/c]"
-    quality: tuple[str, str] = ("energy imbalance", "linear")
+    quality: Pair = ("energy imbalance", "linear")
     pace: str = "1 s = {:g} R/c"
     truncation_remedy: str = ""

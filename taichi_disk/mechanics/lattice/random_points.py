@@ -38,8 +38,8 @@ def circle_points(
     seed: int,
     rim: bool,
     min_spacing: float,
-    hole: float = 0.0,
-    core: float = 0.0,
+    hole: float,
+    core: float,
 ) -> Array:
     """Return the points (points, 2) [R] of `Lattice.disk`. Raises InputError or
     SimulationError as it does."""

@@ -23,7 +23,8 @@ from taichi_disk.pictures.render.moments import (
     MOMENTS,
     WHOLE,
     Caption,
-    Run,
+    Runs,
+    Shots,
     Span,
     captions,
     cues,
@@ -71,7 +72,7 @@ def check_target(path: Path) -> None:
 
 def draw_film(
     path: Path,
-    runs: Sequence[Run],
+    runs: Runs,
     video: VideoSection,
     progress: Progress,
     artist: Artist,
@@ -133,7 +134,7 @@ def draw_film(
         pictures = _pictures(recordings, words, video, letters, names, panel)
         states = zip(*(one.states() for one in recordings), strict=True)
         options = pictures.finisher, new, path.suffix, fps, metadata
-        before: Sequence[Caption] = ()
+        before: Shots = ()
         with closing(pictures), artist.employ(*options) as finish:
             for k, now in enumerate(zip(*words, strict=True)):
                 raise_if_interrupted()
@@ -151,7 +152,7 @@ def draw_film(
 
 
 def storyboard(
-    runs: Sequence[Run], video: VideoSection, span: Span, frames: int, rate: float
+    runs: Runs, video: VideoSection, span: Span, frames: int, rate: float
 ) -> tuple[list[Flight], list[float], list[list[Caption]]]:
     """Return the flight of each run, how many times stronger its vibration is shown
     after the impact, and its pictures: one, or at least FEWEST_PICTURES `frames`, of
@@ -195,13 +196,13 @@ def _note_lacking_letters(names: Sequence[Lines]) -> None:
         )
 
 
-def film_origin(runs: Sequence[Run], video: VideoSection) -> str:
+def film_origin(runs: Runs, video: VideoSection) -> str:
     return origin(*(replace(run.scenario.stored_scene, video=video) for run in runs))
 
 
 def _pictures(
     recordings: Sequence[Recording],
-    words: Sequence[Sequence[Caption]],
+    words: Sequence[Shots],
     video: VideoSection,
     letters: Letters,
     names: Sequence[Lines],

@@ -20,6 +20,7 @@ from taichi_disk.mechanics.lattice import Array
 from taichi_disk.pictures.plot import last_motion
 
 Run = Outcome
+Runs = Sequence[Run]
 
 BEFORE = "before t = 0"
 AFTER = "after t = {:.1f} R/c"
@@ -91,6 +92,7 @@ class Span:
 
 
 WHOLE = Span()
+Shots = Sequence[Caption]  # the pictures of one run
 
 
 def time_of(moment: Any, run: Run) -> float:
@@ -137,7 +139,7 @@ def film_end(run: Run) -> float:
 
 
 def film_times(
-    whole: tuple[float, float], runs: Sequence[Run], longest: Run, second_flight: float
+    whole: tuple[float, float], runs: Runs, longest: Run, second_flight: float
 ) -> Array:
     """Return the times (_PACE_TIMES,) [R/c] of a film over the times `whole`, at a pace
     that changes smoothly from the flights to the slow motion of the contact.
@@ -158,8 +160,7 @@ def film_times(
     # its square does in the run's.
     film_time = np.where(t < first, _FLIGHT, second_flight) * (second - first)
     fastest = np.maximum((1.0 + _CHANGE) * flight / film_time, 1.0)
-    number = np.cumsum(1.0 / np.sqrt(1.0 + part * (fastest**2 - 1.0)))
-    return np.interp(np.linspace(number[0], number[-1], _PACE_TIMES), number, t)
+    return _at_pace(t, np.sqrt(1.0 + part * (fastest**2 - 1.0)))
 
 
 def _times_of_bounces(run: Run) -> Array:
@@ -169,12 +170,18 @@ def _times_of_bounces(run: Run) -> Array:
     contacts = contacts_of(run.series)
     away = [np.abs(t - np.clip(t, one.start, one.end)) for one in contacts]
     quicker = np.min(away, axis=0) / (_RAMP * (run.contact.end - run.contact.start))
-    number = np.cumsum(1.0 / (1.0 + quicker))
+    return _at_pace(t, 1.0 + quicker)
+
+
+def _at_pace(t: Array, pace: Array) -> Array:
+    """Return the times (_PACE_TIMES,) [R/c] of a film that passes the times `t` with a
+    `pace`, over the slowest."""
+    number = np.cumsum(1.0 / pace)
     return np.interp(np.linspace(number[0], number[-1], _PACE_TIMES), number, t)
 
 
 def cues(
-    runs: Sequence[Run],
+    runs: Runs,
     whole: tuple[float, float],
     frames: int,
     rate: float,
@@ -265,7 +272,7 @@ def ringing(run: Run) -> float:
 
 
 def captions(
-    run: Run, shots: Sequence[Caption], stronger: float = 1.0, ease: float = 1.0
+    run: Run, shots: Shots, stronger: float = 1.0, ease: float = 1.0
 ) -> list[Caption]:
     """Return the pictures `shots` with the words of `run`. `stronger`: factor of its
     `ringing`, which grows from 1 over `ease` pictures."""
@@ -327,7 +334,7 @@ def captions(
 MAX_RUNS = 4
 
 
-def titles(runs: Sequence[Run], labels: Sequence[str]) -> list[Lines]:
+def titles(runs: Runs, labels: Sequence[str]) -> list[Lines]:
     """Return the title lines of each run. The first line of compared runs is one of
     `labels`, or else names the parameters in which the runs differ.
 

@@ -15,7 +15,7 @@ from taichi_disk.pictures.render.artist import WAITING, shared_array
 from taichi_disk.pictures.render.finisher import Drawn, Finisher, Placed, canvas
 from taichi_disk.pictures.render.geometry import Camera, View
 from taichi_disk.pictures.render.letters import Box, Letters
-from taichi_disk.pictures.render.moments import Caption
+from taichi_disk.pictures.render.moments import Shots
 from taichi_disk.pictures.render.offscreen import open_window
 from taichi_disk.pictures.render.painter import Painter
 from taichi_disk.pictures.render.palette import THEMES, ink
@@ -47,7 +47,7 @@ class Disk:
 
     painter: Painter
     title: Title
-    captions: Sequence[Caption]
+    captions: Shots
     outer: Sequence[Array]
 
 
@@ -182,7 +182,7 @@ class Pictures:
         )
         self._window = open_window(drawn)
 
-    def draw(self, states: Sequence[State], captions: Sequence[Caption]) -> list[Drawn]:
+    def draw(self, states: Sequence[State], captions: Shots) -> list[Drawn]:
         """Draw each disk, its ringing as strong as its caption says."""
         drawn = []
         canvas = self._window.get_canvas()
@@ -209,7 +209,7 @@ class Pictures:
             drawn.append((place, marks))
         return drawn
 
-    def lines(self, captions: Sequence[Caption]) -> list[Placed]:
+    def lines(self, captions: Shots) -> list[Placed]:
         """Return the changing words of a picture with the `captions` of its disks."""
         width = self.finisher.width
         lines: list[Placed] = []

@@ -30,7 +30,7 @@ from taichi_disk.pictures.render.letters import (
     even,
 )
 from taichi_disk.pictures.render.marks import Mark, arrows, stamp
-from taichi_disk.pictures.render.moments import Caption
+from taichi_disk.pictures.render.moments import Caption, Shots
 from taichi_disk.pictures.render.painter import ARROW, FORCE_ARROW, Painter
 from taichi_disk.pictures.render.palette import THEMES, Ink, ink
 
@@ -79,16 +79,14 @@ def remark_lines(letters: Letters, caption: Caption, width: int) -> list[Line]:
     return lines
 
 
-def samples(captions: Sequence[Caption]) -> list[Caption]:
+def samples(captions: Shots) -> list[Caption]:
     """Return the first and the middle caption, and the last of each kind."""
     kinds = {(one.note, one.result): one for one in captions}
     middle = captions[len(captions) // 2]
     return [captions[0], middle, *kinds.values()]
 
 
-def fitting_letters(
-    letters: Letters, words: Sequence[Sequence[Caption]], width: int
-) -> Letters:
+def fitting_letters(letters: Letters, words: Sequence[Shots], width: int) -> Letters:
     """Return letters whose changing words leave room for others in pictures of `width`
     [px]. `words`: captions of each disk."""
     most = 1.0
@@ -124,7 +122,7 @@ def legend(
     letters: Letters,
     width: int,
     title: Title,
-    captions: Sequence[Caption],
+    captions: Shots,
     count: int | None,
 ) -> Legend:
     """Set the words of a picture of `width` [px] in a band above the disk, with `count`

@@ -32,6 +32,8 @@ from taichi_disk.pictures.render.moments import (
     WHOLE,
     Caption,
     Run,
+    Runs,
+    Shots,
     Span,
     curve_span,
     time_of,
@@ -59,7 +61,7 @@ _FEWEST = 40  # fewest states, for a large disk; the page interpolates between t
 
 def write_page(
     path: Path,
-    runs: Sequence[Run],
+    runs: Runs,
     video: VideoSection,
     progress: Progress,
     span: Span = WHOLE,
@@ -103,7 +105,7 @@ def write_page(
 
 def _packed(
     states: Sequence[Recording],
-    words: Sequence[Sequence[Caption]],
+    words: Sequence[Shots],
     video: VideoSection,
     names: Sequence[Lines],
     rate: float,

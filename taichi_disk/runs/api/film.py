@@ -8,12 +8,12 @@ from pathlib import Path
 from taichi_disk.base.progress import Progress
 from taichi_disk.experiments.config.sections import VideoSection
 from taichi_disk.pictures.render.artist import Artist
-from taichi_disk.pictures.render.moments import WHOLE, Run, Span
+from taichi_disk.pictures.render.moments import WHOLE, Runs, Span
 
 
 def film(
     path: Path,
-    runs: Sequence[Run],
+    runs: Runs,
     video: VideoSection,
     progress: Progress,
     artist: Artist,
