@@ -709,9 +709,7 @@ def test_an_old_browser_is_told_which_browsers_play_the_film(browser, thrown):
 
 
 # speeds and viscosities at the ends of the sliders and between them
-CORNERS = [
-    (v, eta) for v in (0.001, 0.005, 0.02, 0.05, 0.1) for eta in (0, 10, 50, 100)
-]
+CORNERS = [(v, eta) for v in (0.001, 0.05, 0.1) for eta in (0, 10, 100)]
 # Note the longest time that the page did not answer [ms].
 WATCH = """
 window.longest = 0;
@@ -753,7 +751,7 @@ def test_all_corners_of_sliders_are_thrown_and_a_page_answers(browsers, kind, tm
     known = api.run(same, lattices=1).restitution
     assert e[CORNERS.index((0.05, 10))] == pytest.approx(known, abs=1e-10)
     # e falls with the viscosity at each speed, and with the speed at each viscosity.
-    table = np.reshape(e, (5, 4))
+    table = np.reshape(e, (3, 3))
     assert (np.diff(table, axis=1) < 0.0).all()
     assert (np.diff(table, axis=0) < 0.0).all()
     assert np.median(waits) < 100.0
