@@ -50,6 +50,8 @@ _CORNER = 0.5  # an outline that turns by more has a corner [rad]
 _ROUGHNESS = 0.25  # an outline has no features smaller than this, in springs
 _MAX_GAP = 3.0  # from the last point of a path to its first, in longest sides
 _CURVE = np.linspace(0.0, 1.0, 33)  # places along a curve of a drawing
+# svgelements draws the content of these where no viewer shows it.
+_MISPLACED = ("svg", "symbol", "marker", "mask")
 
 
 def read_outline(path: Path) -> list[Array]:
@@ -61,6 +63,9 @@ def read_outline(path: Path) -> list[Array]:
     to_user_units = ~svgelements.Matrix(drawing.viewbox_transform)
     paths = []
     for shape in drawing.elements():
+        tag = shape.values.get("tag")
+        if shape is not drawing and tag in _MISPLACED:
+            raise InputError(f"a path is inside of <{tag}>: take it out, or delete it")
         if shape.values.keys() & {"clip-path", "mask"}:
             raise InputError("a path is clipped or masked: cut it to its shape")
         is_path = isinstance(shape, svgelements.Shape)

@@ -130,6 +130,17 @@ FAULTS = {
         "a path is clipped or masked",
     ),
     "mask.svg": (svg('<circle r="9" style="mask:url(#a)"/>'), "a path is clipped"),
+    # In a viewer, the first is solid, and the hole of the second is in the middle.
+    "symbol.svg": (
+        svg(
+            '<rect width="9" height="9"/><symbol><circle cx="4" cy="4" r="2"/></symbol>'
+        ),
+        "a path is inside of <symbol>",
+    ),
+    "nested.svg": (
+        svg('<circle r="9"/><svg x="-1" y="-1"><rect width="2" height="2"/></svg>'),
+        "a path is inside of <svg>",
+    ),
     "tips.csv": ("0,0\n9,0\n9,9\n0,9\n4,1", "too thin: round it off"),
     "words.svg": (svg("<text>body</text>"), "words and images must be made paths"),
     "empty.svg": (svg(""), "there are no paths"),
