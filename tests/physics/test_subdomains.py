@@ -105,9 +105,10 @@ def both(name):
 def elsewhere(name, threads):
     """Return the hashes of both in another process with this number of threads."""
     code = (
-        "import sys; sys.path[:0] = ['tests', 'tests/physics']; from taichi_disk"
-        f" import runtime; runtime.start(threads={threads}); from test_subdomains"
-        f" import *; print(*(steps(simulation)[1] for simulation in both('{name}')))"
+        "import sys; sys.path[:0] = ['tests', 'tests/physics'];"
+        " from taichi_disk.base import runtime;"
+        f" runtime.start(threads={threads}); from test_subdomains import *;"
+        f" print(*(steps(simulation)[1] for simulation in both('{name}')))"
     )
     folder = Path(__file__).parents[2]
     command = [sys.executable, "-c", code]

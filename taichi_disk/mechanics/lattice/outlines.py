@@ -60,7 +60,9 @@ def read_outline(path: Path) -> list[Array]:
     if path.suffix.lower() != ".svg":
         return [read_table(read_text(path))[0]]
     drawing: Any = svgelements.SVG.parse(path)
-    to_user_units = ~svgelements.Matrix(drawing.viewbox_transform)
+    scale = svgelements.Matrix(drawing.viewbox_transform)
+    if not math.isclose(scale.a, scale.d):
+        raise InputError("its view box is stretched: leave preserveAspectRatio out")
     paths = []
     for shape in drawing.elements():
         tag = shape.values.get("tag")
@@ -71,7 +73,7 @@ def read_outline(path: Path) -> list[Array]:
         is_path = isinstance(shape, svgelements.Shape)
         if not is_path or shape.values.get("visibility") == "hidden":
             continue
-        for part in abs(svgelements.Path(shape) * to_user_units).as_subpaths():
+        for part in abs(svgelements.Path(shape) * ~scale).as_subpaths():
             sides = [side.npoint(_CURVE) for side in part][1:]
             if sides:
                 paths.append(np.concatenate(sides) * [1.0, -1.0])

@@ -141,6 +141,11 @@ FAULTS = {
         svg('<circle r="9"/><svg x="-1" y="-1"><rect width="2" height="2"/></svg>'),
         "a path is inside of <svg>",
     ),
+    "stretched.svg": (
+        '<svg xmlns="http://www.w3.org/2000/svg" width="20" height="9" viewBox='
+        '"0 0 9 9" preserveAspectRatio="none"><circle r="4"/></svg>',
+        "its view box is stretched",
+    ),
     "tips.csv": ("0,0\n9,0\n9,9\n0,9\n4,1", "too thin: round it off"),
     "words.svg": (svg("<text>body</text>"), "words and images must be made paths"),
     "empty.svg": (svg(""), "there are no paths"),
