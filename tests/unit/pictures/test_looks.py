@@ -5,7 +5,6 @@ Runs are formulae, letters have one width, and the graphics card is a sheet that
 what is drawn on it, so nothing else changes these texts.
 """
 
-import base64
 from dataclasses import replace
 from itertools import groupby, product
 from operator import itemgetter
@@ -19,7 +18,7 @@ from matplotlib.backends import backend_agg
 from PIL import Image, ImageDraw
 from programs import packed
 from scipy.spatial import cKDTree
-from shown import colours, digest, number, numbers, of_figure, of_lines
+from shown import colours, digest, number, numbers, of_figure, of_lines, short
 
 from taichi_disk import load_scene
 from taichi_disk.base.progress import silent
@@ -536,21 +535,6 @@ def test_states_on_axes(name, colour, record):
 
 
 # ---- pages
-
-
-def short(value, name=""):
-    """Return a message with digests in the place of numbers and bytes."""
-    if isinstance(value, dict):
-        return {key: short(each, key) for key, each in value.items()}
-    if isinstance(value, list) and {type(one) for one in value} <= {int, float}:
-        return digest(value)
-    if isinstance(value, list):
-        return [short(one) for one in value]
-    if isinstance(value, str) and len(value) > 80:
-        kind = {"rest": "<f4"}.get(name, "<u4")
-        kind = "u1" if " " in name else kind  # of a map of colours
-        return digest(np.frombuffer(base64.b64decode(value), kind))
-    return number(value) if isinstance(value, float) else value
 
 
 def of_json(value):
