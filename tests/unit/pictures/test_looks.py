@@ -467,11 +467,13 @@ RUNS = {
 }
 
 
-@pytest.mark.parametrize("name", RUNS)
-def test_plots(name, record):
-    run = invented(*RUNS[name])
-    figure = run_figure(plot_scene(run.scenario, run.series), "e = 0.97 ± 0.01")
-    record(f"plot_{name}", of_figure(figure))
+def test_plots(record):
+    notes = {}  # each line once, so that other runs have what differs
+    for name, run in RUNS.items():
+        found = invented(*run)
+        figure = run_figure(plot_scene(found.scenario, found.series), "e = 0.97 ± 0.01")
+        notes |= dict.fromkeys([name, *of_figure(figure)])
+    record("plots", notes)
 
 
 @pytest.mark.parametrize(
@@ -489,7 +491,7 @@ V = np.geomspace(3e-3, 5e-2, 9)
 THROWS = ["eta_star", "seed", "velocity"]
 SWEEPS = {  # scene, axes, values of eta*, number of lattices
     "restitution": ("exponential_wall", THROWS, (0.0, 5.0, 30.0), 6),
-    "elastic_wall": ("absorbing_wall", THROWS, np.arange(8.0), 3),
+    "elastic_wall": ("absorbing_wall", THROWS, (2.0, 5.0), 3),
     "compression": ("compression", ["seed", "pressure"], (0.0,), 2),
     "over_points": ("exponential_wall", ["points"], (0.0,), 1),
 }
