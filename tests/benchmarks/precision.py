@@ -379,7 +379,7 @@ def draw_program(ax, program, kind, points):
 def name_lines(ax):
     """Write the name of each line beside one of its points, where it covers fewest
     lines and names: above a point at the start of the line, or below one at its end."""
-    taken = np.concatenate([along(line) for line in ax.lines])
+    taken = np.concatenate([np.empty((0, 2)), *map(along, ax.lines)])
     for line in ax.lines:
         places = list(enumerate(line.get_xydata()))
         tries = []
