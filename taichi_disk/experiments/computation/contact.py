@@ -21,7 +21,7 @@ def apexes(columns: Columns) -> list[int]:
     v = columns["com_vy"]
     is_high = columns["com_y"] > columns["com_y"][0]
     falls = (v[:-1] > 0.0) & (v[1:] <= 0.0) & is_high[1:]
-    return [int(row) for row in np.flatnonzero(falls) + 1]
+    return (np.flatnonzero(falls) + 1).tolist()
 
 
 def flights(columns: Columns) -> list[int]:
@@ -64,7 +64,7 @@ class Contact:
         t = columns["t"]
         force = columns["wall_force"]
         if not force.any():
-            turned = int(np.argmax(columns["com_vy"] > 0.0))
+            turned = np.argmax(columns["com_vy"] > 0.0)
             self.start = float(t[turned - 1])
             self.end = float(t[turned])
             return
@@ -78,8 +78,7 @@ class Contact:
             return float(t[i] + duration * height[i] / (height[i] - height[i + 1]))
 
         inside = np.flatnonzero(self._touches)
-        first = int(inside[0])
-        last = int(inside[-1])
+        first, last = inside[[0, -1]]
         self.start = float(t[0])
         self.end = float(t[-1])
         if first > 0:
@@ -108,11 +107,11 @@ class Contact:
         elastic = self._columns["elastic"]
         touches = self._touches
         stored = elastic * touches
-        stored_before_contact = elastic[: int(touches.argmax())].max(initial=0.0)
+        stored_before_contact = elastic[: touches.argmax()].max(initial=0.0)
         row = stored.argmax()
         if stored_before_contact > STRETCHED * stored.max():
             row = self._columns["com_y"].argmin()
-        return float(self._columns["t"][int(row)])
+        return float(self._columns["t"][row])
 
     # ---- what is measured at its end
 

@@ -241,7 +241,7 @@ class Driver:
         self.count = 1 + state.step // self.stride
         is_inside = within(self.rows[1:], self.bounds)
         last_outside = np.flatnonzero(is_inside == 0.0).max(initial=-1)
-        rows_inside = len(is_inside) - 1 - int(last_outside)
+        rows_inside = len(is_inside) - 1 - last_outside
         self.settled_rows = min(rows_inside, self.needed_rows - 1)
         self.balance = EnergyBalance(self.rows[0], self.scenario.model.elastic)
         self.balance.first_lost(self.rows)

@@ -427,7 +427,7 @@ def _contact_force(lattice: Lattice, model: Model, v: Array) -> float:
     contact; inf without a wall."""
     if model.wall is None:
         return inf
-    speed = float(lattice.mean(v[:, 1]))  # towards the wall
+    speed = lattice.mean(v[:, 1])  # towards the wall
     kinetic_energy = 0.5 * speed**2
     # where the wall's potential energy is U, its force is a U
     a = model.wall.added_stiffness(1.0)
