@@ -63,12 +63,13 @@ class Contact:
         self._columns = columns
         t = columns["t"]
         force = columns["wall_force"]
+        level = CONTACT_LEVEL * force.max()
+        self._touches = force >= level
         if not force.any():
             turned = np.argmax(columns["com_vy"] > 0.0)
             self.start = float(t[turned - 1])
             self.end = float(t[turned])
             return
-        level = CONTACT_LEVEL * force.max()
         # above the level, as a logarithm
         height = np.log(np.maximum(force, 1e-300)) - np.log(level)
 
@@ -85,11 +86,6 @@ class Contact:
             self.start = crossing(first - 1)
         if last + 1 < len(t):
             self.end = crossing(last)
-
-    @property
-    def _touches(self) -> Array:
-        force = self._columns["wall_force"]
-        return force >= CONTACT_LEVEL * force.max()
 
     @property
     def first_sample(self) -> float:

@@ -120,7 +120,7 @@ class Driver:
 
     def _steps_of_a_launch(self) -> int:
         springs = SPRINGS_PER_LAUNCH
-        if self.simulation.subdomains > 1:
+        if self.simulation.arrangement.subdomains > 1:
             springs = SPRINGS_PER_CHECK
         springs_of_a_step = (
             len(self.scenario.lattice.bonds) * self.step.integrator.forces
@@ -187,7 +187,7 @@ class Driver:
         else:
             self.state = state
             self.row = simulation.now
-            if self.can_end and self.settled_rows >= self.needed_rows:
+            if self.settled_rows >= needed:
                 self._end_if_settled()
 
     def _end_if_settled(self) -> None:

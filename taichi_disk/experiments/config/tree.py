@@ -85,10 +85,6 @@ class Tree:
     def fault(self, mark: Mark, path: Keys, what: str) -> None:
         self.faults.append(Fault(mark, ".".join(path), what))
 
-    def remove(self, section: str, key: str) -> None:
-        del self.value[section][key]
-        del self.entries[section, key]
-
     @property
     def is_full(self) -> bool:
         """Whether there are so many faults that others are only counted."""
@@ -412,11 +408,10 @@ def _parents(
 def shipped_scenes() -> dict[str, Path]:
     """Return the paths of the shipped scenes by their names."""
     package = Path(__file__).parents[2]
-    scenes = {}
+    scenes: dict[str, Path] = {}
     # A source checkout has the files in its top folder; an installed package contains
     # them, and they count if both exist.
     for folder in (package.parent / "scenes", package / "scene_library"):
-        for path in sorted(folder.glob("[!.]*.yaml")):
-            if path.is_file():
-                scenes[path.stem] = path
+        paths = sorted(folder.glob("[!.]*.yaml"))
+        scenes |= {path.stem: path for path in paths}
     return scenes
