@@ -263,23 +263,24 @@ def chaotic_scene(number):
     a = draw.between(1000.0, 3000.0)
     v = draw.between(0.1, 0.2)
     settings = [
-        f"lattice.points={points}",
         f"lattice.seed={rng.integers(1000000)}",
-        "material.eta_star=0",
         f"impact.velocity={v}",
         f"impact.spin={draw.spin()}",
         f"impact.offset={rng.uniform(0.0, 0.03):.4f}",
-        f"wall.a={a}",
-        f"wall.V0={0.5 * a}",
         f"wall.points={2 * points}",
-        "wall.width=3.6",
-        "wall.boundary=reset",
         f"wall.threshold={max(1.5 * reach_of(a, v), 0.1):.4g}",
         f"wall.reset_interval={draw.between(0.005, 0.02)}",
         "wall.contact=smooth",
         f"wall.k_a={draw.between(0.2, 0.5)}",
     ]
-    return Scene("absorbing_wall", tuple(settings), tolerance_of(number))
+    return reset_on_hard_wall(number, points, a, settings)
+
+
+def reset_on_hard_wall(number, points, a, settings):
+    """Return an undamped impact on an elastic wall that is reset."""
+    common = ("wall.boundary=reset", "wall.width=3.6", "material.eta_star=0")
+    own = (f"lattice.points={points}", f"wall.a={a}", f"wall.V0={0.5 * a}")
+    return Scene("absorbing_wall", (*common, *own, *settings), tolerance_of(number))
 
 
 def reset_scene(number):
@@ -294,22 +295,16 @@ def reset_scene(number):
     a = draw.between(1000.0, 4000.0)
     contact = "smooth" if draw.chance(0.33) else "springs"
     settings = [
-        f"lattice.points={points}",
         f"lattice.seed={rng.integers(1000000)}",
-        "material.eta_star=0",
         f"impact.velocity={draw.between(0.03, 0.07)}",
         f"impact.offset={rng.uniform(0.0, 0.04):.4f}",
-        f"wall.a={a}",
-        f"wall.V0={0.5 * a}",
         f"wall.points={round(2.2 * points)}",
-        "wall.width=3.6",
         "wall.threshold=0.1",
-        "wall.boundary=reset",
         f"wall.contact={contact}",
         f"wall.k_a={draw.between(0.25, 0.6)}",
         f"wall.reset_interval={draw.between(0.005, 0.03)}",
     ]
-    return Scene("absorbing_wall", tuple(settings), tolerance_of(number))
+    return reset_on_hard_wall(number, points, a, settings)
 
 
 def reach_of(a, v):
