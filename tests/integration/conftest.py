@@ -1,5 +1,4 @@
-"""One Chromium and one Firefox for all tests, the program that serves the page, and
-runs without a plot."""
+"""The browsers of all tests, the program that serves the page, and runs without plots."""
 
 import os
 

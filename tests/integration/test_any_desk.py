@@ -1,5 +1,4 @@
-"""The program needs nothing that only POSIX has, no Unicode console, and no path
-without spaces."""
+"""The program needs nothing of POSIX, no Unicode console and no path without spaces."""
 
 import os
 import sys

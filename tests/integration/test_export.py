@@ -1,5 +1,4 @@
-"""Trajectories, read by other libraries, contain the model's positions, strains,
-forces, stresses and energies."""
+"""Trajectories, as other libraries read them, contain the model's quantities."""
 
 import tracemalloc
 import xml.etree.ElementTree as ElementTree

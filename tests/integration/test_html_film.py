@@ -1,5 +1,4 @@
-"""The HTML film: a small file that needs no network, and in a real browser plays and
-shows the computed data."""
+"""The HTML film: small, without a network, and in a browser it shows the computed data."""
 
 import os
 import re

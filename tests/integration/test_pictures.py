@@ -1,5 +1,4 @@
-"""Pictures of the painter: everything is at the place given by the camera, in the
-colour given by the map."""
+"""Pictures of the painter: all is where the camera puts it, in the colour of the map."""
 
 import os
 

@@ -1,5 +1,4 @@
-"""Filming finished runs again: the same film, comparisons, refusals, and unchanged
-results."""
+"""Filming finished runs again: the same film, comparisons, refusals, the same results."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,4 @@
-"""The files of a run: names, columns and units, and all data to repeat it with another
-program."""
+"""The files of a run: names, units, and all data to repeat it with another program."""
 
 import errno
 import os

@@ -1,5 +1,4 @@
-"""Signals: whenever Ctrl-C or SIGTERM comes, the exit status is 130 and all files are
-complete."""
+"""Whenever Ctrl-C or SIGTERM comes, the exit status is 130 and all files are complete."""
 
 import os
 import random

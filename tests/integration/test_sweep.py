@@ -1,5 +1,4 @@
-"""Sweeps: a row is what `run` gives for its scene, independent of other scenes, of the
-order and of the executor."""
+"""A row of a sweep is what `run` gives for its scene, whatever the order and executor."""
 
 import csv
 import errno

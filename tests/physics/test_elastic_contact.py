@@ -1,5 +1,4 @@
-"""Contact with the elastic wall: every point finds the spring below it and pushes its
-two ends by the lever rule."""
+"""The elastic wall: a point pushes both ends of the spring below it by the lever rule."""
 
 from dataclasses import replace
 

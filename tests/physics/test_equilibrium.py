@@ -1,5 +1,4 @@
-"""The equilibrium of the pressed disk: at rest, stable, and the same as by a minimiser
-and by relaxation."""
+"""The pressed disk at rest: stable, and the same by a minimiser and by relaxation."""
 
 import re
 from dataclasses import replace

@@ -1,5 +1,4 @@
-"""Impacts as scenes: start, end, and restitution and contact time compared with an
-independent solver."""
+"""Impacts as scenes: start, end, and results of an independent solver."""
 
 from dataclasses import replace
 

@@ -1,5 +1,4 @@
-"""The stability limit of the step, against matrices and oscillators; with the kernels
-in tests/validation/test_endurance.py."""
+"""The stability limit of the step, against matrices and oscillators."""
 
 from dataclasses import replace
 from functools import partial

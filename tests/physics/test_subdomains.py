@@ -1,5 +1,4 @@
-"""Large lattices, stepped subdomain by subdomain on several cores: the same forces,
-motion, energies and bits."""
+"""Large lattices, stepped by subdomains: the same forces, motion, energies and bits."""
 
 import hashlib
 import subprocess

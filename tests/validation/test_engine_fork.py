@@ -1,5 +1,4 @@
-"""Taichi Forge, which runs where Taichi has no wheels, gives bitwise the same results
-and films."""
+"""Taichi Forge, which runs where Taichi does not, gives the same bits and films."""
 
 import json
 import os

@@ -1,5 +1,4 @@
-"""Random scenes with known results: tolerances are kept, and the error estimates of
-runs hold."""
+"""Random scenes with known results: tolerances are kept, error estimates hold."""
 
 import pytest
 

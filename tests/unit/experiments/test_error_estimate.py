@@ -1,5 +1,4 @@
-"""The error estimate by another run: exact if errors are powers of the step, safe in
-other cases."""
+"""The error estimate: exact if errors are powers of the step, else safe."""
 
 import numpy as np
 import pytest

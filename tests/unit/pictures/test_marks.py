@@ -1,5 +1,4 @@
-"""Arrows, dots and lines above pictures: as long and as wide as asked for, with smooth
-edges and a rim."""
+"""Arrows, dots and lines: as long and as wide as asked for, with smooth edges."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,4 @@
-"""The folder of a run contains one complete run; finished runs and the user's files are
-never lost."""
+"""A run's folder holds one whole run; finished runs and the user's files are safe."""
 
 import errno
 import json
