@@ -1,4 +1,4 @@
-"""The browsers of all tests, the program that serves the page, and runs without plots."""
+"""The browsers of all tests, the program that serves the page, runs without plots."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""Films: the right content, whole or not at all, the same bytes each time, explained."""
+"""Films: the right content, whole or not at all, the same bytes, and explanations."""
 
 import hashlib
 import os

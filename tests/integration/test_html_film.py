@@ -1,4 +1,4 @@
-"""The HTML film: small, without a network, and in a browser it shows the computed data."""
+"""The HTML film: small, without network; a browser plays it and shows its data."""
 
 import os
 import re

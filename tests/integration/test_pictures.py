@@ -1,4 +1,4 @@
-"""Pictures of the painter: all is where the camera puts it, in the colour of the map."""
+"""Pictures of the painter: all is where the camera puts it, in the colour of maps."""
 
 import os
 

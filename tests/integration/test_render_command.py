@@ -1,4 +1,4 @@
-"""Filming finished runs again: the same film, comparisons, refusals, the same results."""
+"""Filming finished runs again: the same film, comparisons, refusals."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Whenever Ctrl-C or SIGTERM comes, the exit status is 130 and all files are complete."""
+"""Whenever Ctrl-C or SIGTERM comes, the exit status is 130, all files complete."""
 
 import os
 import random

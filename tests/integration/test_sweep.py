@@ -1,4 +1,4 @@
-"""A row of a sweep is what `run` gives for its scene, whatever the order and executor."""
+"""A row of a sweep is what `run` gives, whatever the order and the executor."""
 
 import csv
 import errno

@@ -1,4 +1,4 @@
-"""Implicit dashpots, solved by iteration: the same motion and energies as by a factor."""
+"""Implicit dashpots by iteration: the same motion and energies as by a factor."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The elastic wall: a point pushes both ends of the spring below it by the lever rule."""
+"""The elastic wall: a point pushes the ends of the spring below by the lever rule."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Impacts at an angle, with spin and friction: impulse, torque, independent programs."""
+"""Impacts at an angle, with spin and friction: impulse, torque, other programs."""
 
 import re
 from dataclasses import replace

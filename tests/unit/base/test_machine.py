@@ -1,4 +1,4 @@
-"""Cores of a process, drivers that do not work, and Pythons without the user's files."""
+"""Cores of a process, drivers that do not work, and applications with Python."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""Messages about a faulty scene: place, key, range, nearest name, all faults at once."""
+"""Messages about a faulty scene: place, key, range, nearest name, all at once."""
 
 import difflib
 import re
