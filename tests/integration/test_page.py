@@ -286,8 +286,7 @@ ANSWER_TIME = 60.0
 
 
 def interfere(browser, choose):
-    """Do one thing that a user may do: press a key, drag, use a control, or change the
-    size of the page."""
+    """Do one thing that a user may do."""
     kind = choose.random()
     if kind < 0.3:
         browser.key(choose.choice(ANY_KEY), choose.choice([0.02, 0.4]))

@@ -27,8 +27,7 @@ X += [0.0, 1.1]
 
 @pytest.fixture(scope="module")
 def shoot(tmp_path_factory):
-    """Return a function that draws a state of a lattice: (SIZE, SIZE, 3), rows
-    downwards, 0 to 1."""
+    """Return a function that draws a lattice: (SIZE, SIZE, 3), rows downwards."""
     runtime.start()
     window = ti.ui.Window("test", (SIZE, SIZE), show_window=False)
     here = os.getcwd()

@@ -308,14 +308,12 @@ def reset_scene(number):
 
 
 def reach_of(a, v):
-    """Return the height [R] at which the potential of a wall with V0 = a / 2 is 1e-5 of
-    the kinetic energy at the speed v."""
+    """Return the height [R] at which the wall has 1e-5 of the kinetic energy."""
     return (math.log(0.5 * a) - math.log(5e-6) - 2.0 * math.log(v)) / a
 
 
 def custom_body(disk, aspect, seed):
-    """Return an ellipse made of a disk's lattice, with masses and springs unequal by up
-    to a factor of 2."""
+    """Return an ellipse of a disk's lattice with masses and springs unequal."""
     rng = np.random.default_rng([36, seed])
     n = disk.disk_points
     positions = disk.positions.copy()
@@ -337,8 +335,7 @@ def custom_body(disk, aspect, seed):
 
 
 class ShortOnly:
-    """A kernel cache that refuses scenes with possibly more than `most_work`, springs
-    times steps up to `max_time`."""
+    """A kernel cache that refuses scenes of more than `most_work`."""
 
     compile_seconds = 0.0
     max_time = math.inf
@@ -354,8 +351,7 @@ class ShortOnly:
 
 
 def fate(number, kernels):
-    """Run a wild scene, and return how it ended, and a fault that no scene may have (""
-    if there is none)."""
+    """Run a wild scene, and return how it ended and its fault, "" if none."""
 
     def prepare():
         scene = wild_scene(number)

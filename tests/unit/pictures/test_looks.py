@@ -144,8 +144,7 @@ def video(**keys):
 
 
 class Sheet:
-    """A window of GGUI, its canvas, and a list of what was drawn, where on the scene
-    [R]."""
+    """A window of GGUI, its canvas, and notes of what was drawn, where [R]."""
 
     is_soft = True
 

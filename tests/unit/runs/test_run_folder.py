@@ -339,8 +339,7 @@ def test_a_run_is_copied_if_folders_cannot_be_renamed(tmp_path, monkeypatch, cod
 
 @pytest.fixture
 def foreign(tmp_path, monkeypatch):
-    """Return a folder below one in which this user can make and rename nothing, which
-    root could otherwise."""
+    """Return a folder below one in which this user can make nothing."""
 
     def denying(function):
         def denied(*paths, **options):
