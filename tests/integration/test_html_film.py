@@ -1,5 +1,4 @@
-"""The HTML film: a small file that needs no network, and in a real browser plays and
-shows the computed data."""
+"""The HTML film: small, without network; a browser plays it and shows its data."""
 
 import os
 import re

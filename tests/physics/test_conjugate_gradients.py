@@ -1,5 +1,4 @@
-"""Implicit dashpots of a large lattice, solved by iteration: the same motion and
-energies as with a factor."""
+"""Implicit dashpots by iteration: the same motion and energies as by a factor."""
 
 import numpy as np
 import pytest

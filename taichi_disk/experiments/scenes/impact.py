@@ -90,9 +90,9 @@ MEASURED = {
     ),
     **oblique.MEASURED,
     "vibration_left": (
-        "kinetic and elastic energy of vibration at the end of the last contact, minus"
-        " that at the start, over the energy of the flight before; a spin stretches the"
-        " disk, which counts as vibration"
+        "kinetic and elastic energy of vibration at the end of the last contact (of the"
+        " run, without losses), minus that at the start, over the energy of the flight"
+        " before; a spin stretches the disk, which counts as vibration"
     ),
 }
 
