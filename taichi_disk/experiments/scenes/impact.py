@@ -90,9 +90,9 @@ MEASURED = {
     ),
     **oblique.MEASURED,
     "vibration_left": (
-        "kinetic and elastic energy of vibration at the end of the last contact, minus"
-        " that at the start, over the energy of the flight before; a spin stretches the"
-        " disk, which counts as vibration"
+        "kinetic and elastic energy of vibration at the end of the last contact (of the"
+        " run, without losses), minus that at the start, over the energy of the flight"
+        " before; a spin stretches the disk, which counts as vibration"
     ),
 }
 
@@ -219,9 +219,11 @@ class ImpactScene(DiskScene):
         # about the path along the wall, there and back
         contact = gap * np.tan(self.impact.angle)
         path = [0.0, 3.0 * contact]
-        if self.wall.friction:  # by which a spin that rolls turns into motion
+        # Friction turns spin into motion along the wall: 1.0 of it if the disk rolls,
+        # up to 1.5 if the contact springs back.
+        if self.wall.friction:
             rolling = (2.0 * self.impact.along - self.impact.spin) / 3.0
-            path.append(contact + 1.2 * gap * rolling / self.impact.towards)
+            path.append(contact + 1.7 * gap * rolling / self.impact.towards)
         x, y = lattice.positions[: lattice.disk_points].T
         # the same for each turn of a disk, whose centre of mass is not quite its middle
         reach = max(1.1, 0.08 + np.abs(x).max())
