@@ -85,6 +85,10 @@ class Tree:
     def fault(self, mark: Mark, path: Keys, what: str) -> None:
         self.faults.append(Fault(mark, ".".join(path), what))
 
+    def remove(self, section: str, key: str) -> None:
+        del self.value[section][key]
+        del self.entries[section, key]
+
     @property
     def is_full(self) -> bool:
         """Whether there are so many faults that others are only counted."""

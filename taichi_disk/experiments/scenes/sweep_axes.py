@@ -137,8 +137,7 @@ def _axes(
         is_override = mark.rank > 0
         if given and is_override and given.key.rank == 0:
             # An option replaces what the file says, as for single values.
-            del tree.value[section][key]
-            del tree.entries[home]
+            tree.remove(section, key)
         if home in tree.entries or home in taken:
             other = taken.get(home, "the scene")
             tree.fault(
