@@ -224,7 +224,7 @@ function record() {
     showState({ number: 7, velocity: [0, 0] });
   });
 
-  look("the end of a throw", () => {
+  step("the end of a throw", () => {
     tell(SCENE);
     tell({ ...GRAPHS, ...CONTACT });
     show({ atStart: false, paused: true, number: 0, answer: "Not so high.", results: RESULTS, loadRange: [1e-3, 0.1], status: PANEL.status });

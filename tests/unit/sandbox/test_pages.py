@@ -1,5 +1,4 @@
-"""Pages without a browser: each has a disk of its own, and gets states as fast as it
-draws them."""
+"""Each page has a disk of its own, and gets states as fast as it draws them."""
 
 import asyncio
 import json

@@ -1,5 +1,4 @@
-"""The sandbox without its window: what is seen is what `run` computes, also after going
-back; hands' work is marked."""
+"""What the sandbox shows is what `run` computes, also after going back."""
 
 import numpy as np
 import pytest
