@@ -7,6 +7,7 @@ CONTRIBUTING.md names these files. Then read the differences (`git diff tests/lo
 and look at the pictures.
 """
 
+import base64
 import re
 from collections import defaultdict
 from difflib import unified_diff
@@ -28,8 +29,7 @@ PARTS = ("ground", "ink", "faint", "wall", "arrow", "velocity", "rule")
 
 
 def colours():
-    """Yield the name of each colour of pictures, and its values on light and on dark
-    ground."""
+    """Yield the name of each colour, and its values on light and dark ground."""
     light, dark = THEMES.values()
     for name in PARTS:
         yield name, to_hex(getattr(light, name)), to_hex(getattr(dark, name))
@@ -178,6 +178,24 @@ def of_lines(lines, letters, larger=0.0):
         larger = size
 
 
+# ---- messages
+
+
+def short(value, name=""):
+    """Return a message with digests in the place of numbers and bytes."""
+    if isinstance(value, dict):
+        return {key: short(each, key) for key, each in value.items()}
+    if isinstance(value, list) and {type(one) for one in value} <= {int, float}:
+        return digest(np.where(np.abs(value) < 1e-9, 0.0, value))  # no rounding errors
+    if isinstance(value, list):
+        return [short(one) for one in value]
+    if isinstance(value, str) and len(value) > 80 and " " not in value:
+        kind = {"rest": "<f4"}.get(name, "<u4")
+        kind = "u1" if " " in name else kind  # of a map of colours
+        return digest(np.frombuffer(base64.b64decode(value), kind))
+    return number(value) if isinstance(value, float) else value
+
+
 # ---- figures of Matplotlib
 
 
@@ -194,8 +212,7 @@ def of_figure(figure):
 
 
 def points(figure, pixels):
-    """Return places on a figure [pt] that may differ by two, or, if letters decide the
-    layout, by twelve."""
+    """Return places on a figure [pt], of which letters change no digit."""
     unit = 72.0 / figure.dpi
     if figure.figure.get_layout_engine():
         unit /= 6.0

@@ -13,9 +13,11 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
+import yaml
 
 from taichi_disk.base.errors import InputError, TaichiDiskError
 from taichi_disk.base.files import write_text
+from taichi_disk.base.text_files import read_text
 from taichi_disk.experiments.config.sections import SLIDERS
 from taichi_disk.experiments.scenes import Scene
 from taichi_disk.sandbox.sandbox import Sandbox, load_key, value_of
@@ -23,8 +25,6 @@ from taichi_disk.sandbox.sandbox import Sandbox, load_key, value_of
 # by which keys change a value, and the number of points
 FACTORS = (1.12, 1 / 1.12)
 POINT_FACTORS = (1 / 1.5, 1.5)
-# keys that repeat while held
-REPEATING_KEYS = ("Left", "Right", "Up", "Down", "e", "d", "a", "z", "s", "m", "i", "u")
 # smallest values above 0 to which keys change a viscosity
 MIN_VISCOSITY = {"material.eta_star": 0.1, "material.viscosity": 1e-4}
 # largest number that can be typed, for which the compiled kernels have room
@@ -38,96 +38,24 @@ CURVE_RATIO = 30.0
 
 
 class Range(NamedTuple):
-    """A number that can be changed: its name, symbol, unit and keys, the ends of its
-    slider, and its meaning."""
+    """A number that can be changed: its name, symbol, unit and keys, its meaning, and
+    the ends of its slider."""
 
     name: str
     symbol: str
     unit: str
     keys: str
+    meaning: str
     low: float
     high: float
-    meaning: str
 
 
+_TABLES = yaml.safe_load(read_text(Path(__file__).with_name("controls.yaml")))
 RANGES = {
-    "impact.velocity": Range(
-        "speed", "v", "c", "Up Down", *SLIDERS["impact.velocity"], "of the throw"
-    ),
-    "compression.pressure": Range(
-        "load",
-        "P",
-        "Mc²/R",
-        "Up Down",
-        1e-4,
-        0.05,
-        "force that presses the disk on the wall",
-    ),
-    "material.eta_star": Range(
-        "viscosity",
-        "η*",
-        "",
-        "e d",
-        *SLIDERS["material.eta_star"],
-        "dashpots, as a multiple of m c/R; 0: none",
-    ),
-    "material.viscosity": Range(
-        "viscosity",
-        "η",
-        "Mc/R",
-        "e d",
-        0.0,
-        0.1,
-        "dashpot constant of one spring; 0: none",
-    ),
-    "impact.gravity": Range(
-        "gravity", "g", "c²/R", "", 1e-3, 0.01, "acceleration towards the wall"
-    ),
-    "impact.angle": Range(
-        "angle",
-        "",
-        "rad",
-        "",
-        -1.5,
-        1.5,
-        "between the throw and the normal of the wall",
-    ),
-    "impact.spin": Range(
-        "spin", "", "c/R", "", -0.5, 0.5, "at the start, counter-clockwise"
-    ),
-    "wall.friction": Range(
-        "friction", "μ", "", "", 0.0, 1.0, "Coulomb's coefficient of the wall"
-    ),
-    "wall.a": Range(
-        "wall hardness", "a", "1/R", "a z", 10.0, 3000.0, "potential V0 exp(-a y)"
-    ),
-    "lattice.points": Range("mass points", "N", "", "j k", 100, 5000, "of the disk"),
-    "speed": Range(
-        "speed of time",
-        "",
-        "R/c per s",
-        "s m",
-        0.05,
-        5.0,
-        "simulated time that one second shows",
-    ),
-    "video.magnify": Range(
-        "displacements ×",
-        "",
-        "",
-        "",
-        1.0,
-        20.0,
-        "factor by which drawn displacements are larger",
-    ),
+    key: Range(*row, *SLIDERS.get(key, ())) for key, row in _TABLES["ranges"].items()
 }
-CHOICES = {
-    "wall.boundary": "boundary of the wall",
-    "material.dashpot": "dashpots",
-    "video.colour": "colours show",
-    "video.draw": "drawn as",
-    "video.theme": "background",
-}
+CHOICES = _TABLES["choices"]
+REPEATING_KEYS = _TABLES["repeating"]
 SVG = '<svg xmlns="http://www.w3.org/2000/svg"><path d="{}"/></svg>\n'
 
 

@@ -17,6 +17,10 @@ const moment = (place) => {
 };
 const panes = document.querySelectorAll("figure canvas");
 look("the film opens");
+look("fringes and points", () => {
+  choose("quantity", "fringes");
+  choose("draw", "points");
+});
 step("a twentieth of a second", () => pass(50));
 look("another, while it cannot be seen", () => {
   stage.observers[0]([{ isIntersecting: false }]);
@@ -40,10 +44,6 @@ step("dark, and another quantity", () => {
   choose("quantity", "strain");
   moment(5);
   note(`  ${document.documentElement.outerHTML.split(">", 1)}`);
-});
-look("fringes and points", () => {
-  choose("quantity", "fringes");
-  choose("draw", "points");
 });
 step("magnified, with other options", () => {
   type("magnify", "3.14159");

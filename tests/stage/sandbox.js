@@ -123,13 +123,13 @@ const withValue = (key, value) => ({
 const key = (name, more = {}) => {
   const event = new KeyboardEvent("keydown", { key: name, bubbles: true, cancelable: true, ...more });
   (more.target ?? document.body).dispatchEvent(event);
-  if (event.defaultPrevented) note("  the key is used");
+  if (event.defaultPrevented) remark("the key is used");
 };
 const lead = (name, part) => {
   const one = field(name, "range");
   one.value = Number(one.min) + part * (one.max - one.min);
   one.dispatchEvent(new Event("input", { bubbles: true }));
-  note("  and let go");
+  remark("let go");
   one.dispatchEvent(new Event("change"));
 };
 noteFields(Field);
@@ -168,10 +168,9 @@ function record() {
     showState(squeezed);
   });
   step("nothing comes for five seconds", () => wait(5000));
-  look("followed, springs, dark", () => {
+  look("followed, springs", () => {
     get("follow").click();
     show(withValue("video.draw", "springs"));
-    show(withValue("video.theme", "dark"));
     show(withValue("video.colour", "strain"));
     showState({ ...squeezed, number: 4, values: Array.from({ length: 12 }, (_, k) => 0.004 * k) });
   });
@@ -194,10 +193,11 @@ function record() {
     window.devicePixelRatio = 1.5;
     resize();
   });
-  look("a narrower one", () => {
+  look("a narrower one, dark", () => {
     size("disk", 300, 500);
     window.devicePixelRatio = 1;
-    show({ ...withValue("video.colour", "strain") });
+    show(withValue("video.theme", "dark"));
+    show(withValue("video.colour", "strain"));
     resize();
   });
   step("printed", () => window.dispatchEvent(new Event("beforeprint")));
@@ -218,13 +218,13 @@ function record() {
     show({ atStart: true, number: 3, status: "disturbed", warnings: [], seed: 6, loadRange: [1e-4, 0.05] });
     showState({ number: 6, wall: [-2, 0, 0, -0.2, 2, 0], forces: [8, 0, -0.01] });
   });
-  step("no wall", () => {
-    tell({ ...SCENE, wall: { kind: "none" } });
+  step("a rigid wall again", () => {
+    tell(SCENE);
     show({ number: 0 });
     showState({ number: 7, velocity: [0, 0] });
   });
 
-  look("the end of a throw", () => {
+  step("the end of a throw", () => {
     tell(SCENE);
     tell({ ...GRAPHS, ...CONTACT });
     show({ atStart: false, paused: true, number: 0, answer: "Not so high.", results: RESULTS, loadRange: [1e-3, 0.1], status: PANEL.status });
@@ -274,7 +274,7 @@ function record() {
   step("a number is refused twice", () => {
     for (const refusals of [1, 2]) {
       show({ refusals, message: "too fast" });
-      note(`  ${get("message").textContent}`);
+      remark(get("message").textContent);
       sandbox.say("");
     }
   });
@@ -331,7 +331,7 @@ function record() {
       get("keys").dispatchEvent(new PointerEvent("pointerdown", { clientX, clientY }));
     for (const [x, y] of [[1, 1], [box.width - 1, box.height - 1], [1, box.height + 1]]) {
       press(box.left + x, box.top + y);
-      note(`  open: ${get("keys").open}`);
+      remark(`open: ${get("keys").open}`);
       get("keys").open || get("keys").showModal();
     }
     get("keys").close();
@@ -348,14 +348,15 @@ function record() {
     Object.defineProperties(wheel, { offsetX: { value: 100 }, offsetY: { value: 120 } });
     get("disk").dispatchEvent(wheel);
   });
-  look("two fingers", () => {
+  const at = (x, y) => sandbox.drawing.toScreen(x, y);
+  step("two fingers", () => {
     pointer(get("disk"), "pointerdown", 200, 200, { button: 2 });
     pointer(get("disk"), "pointerdown", 300, 200, { pointerId: 2 });
     pointer(get("disk"), "pointermove", 320, 240, { pointerId: 2 });
     pointer(get("disk"), "pointerup", 320, 240, { pointerId: 2 });
     pointer(get("disk"), "pointerup", 200, 200);
+    remark(`two points are at ${pairs([at(0, 0), at(1, 1)])}`);
   });
-  const at = (x, y) => sandbox.drawing.toScreen(x, y);
   step("a point is pulled", () => {
     get("all").click();
     pointer(get("disk"), "pointerdown", ...at(0.2, 0.2));

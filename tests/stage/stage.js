@@ -14,6 +14,8 @@ const stage = {
 };
 Math.random = () => 0.1234;
 const note = (text) => stage.lines.push(text.replace(/\n/g, " ¶ "));
+// Say more about what was noted last.
+const remark = (text) => note(`${stage.lines.pop()}; ${text}`);
 const rounded = (value) => Number(value.toFixed(Math.abs(value) < 1 ? 4 : 2)) || 0;
 const plain = (_, value) => (typeof value === "number" ? rounded(value) : value);
 const pairs = (points) =>

@@ -58,7 +58,8 @@ class Case:
     should end.
 
     `tells`: regular expression that the message or the warnings must contain; if empty,
-    there must be none. If it mentions an imbalance, the balance need not close.
+    there must be none. If it mentions an imbalance, the balance need not close. `e`:
+    the true restitution, if the error estimate is to hold it.
     """
 
     name: str
@@ -67,6 +68,7 @@ class Case:
     end: str = "done"
     tells: str = ""
     force: bool = False
+    e: float = 0.0
     body: Callable[[Scene], Lattice] | None = None
     start: Callable[[Scenario], Scenario] | None = None
 
@@ -79,8 +81,7 @@ class Case:
         return self.start(scenario) if self.start else scenario
 
     def failings(self, verdict):
-        """Return the deviations from the expected end, an empty list if there are
-        none."""
+        """Return the deviations from the expected end."""
         found = []
         if verdict.end != self.end:
             found.append(f"{verdict.end}, not {self.end}: {verdict.text}")
@@ -92,6 +93,10 @@ class Case:
             worst = energy["worst_imbalance"]
             if not worst <= MAX_IMBALANCE:
                 found.append(f"the energy imbalance is {worst:.1e}")
+        if self.e:
+            off = abs(verdict.summary["restitution"] - self.e)
+            if off > verdict.summary["error_estimate"]["restitution"]:
+                found.append(f"e is off by {off:.1e}")
         return found
 
 
@@ -131,8 +136,7 @@ def _light_point(scene):
 
 
 def _stiff_springs(scene):
-    """Return the scene's disk with springs of 1e6 times the stiffness at one inner
-    point."""
+    """Return the scene's disk with springs 1e6 times as stiff at one point."""
     disk, x, inside = _moved(scene)
     stiffness = np.where((disk.bonds == inside[0]).any(axis=1), 1e6, 1.0)
     own = {"triangles": disk.triangles, "stiffness": stiffness}
@@ -238,7 +242,9 @@ HARDER = (
     " .*time.dt: auto"
 )
 LIMIT = "beyond the stability limit: set time.dt: auto"
-GROWS = "chaotic. A change of the start changes e by"
+GROWS = (
+    r"after 9 runs, .* is chaotic\. A change of the start changes e by \de\+07 times"
+)
 inverts = partial(Case, tells=INSIDE_OUT)
 stops = partial(Case, end="stopped")
 
@@ -272,7 +278,12 @@ CASES = (
     Case("the same, turned by 10⁻¹⁰", ELASTIC, CHAOTIC, tells=UNCERTAIN, start=_turned),
     stops("the same, with a tolerance", ELASTIC, CHAOTIC + WITHIN, tells=GROWS),
     Case("hard wall with resets", ELASTIC, HARD_RESET, tells=UNCERTAIN),
-    Case("two steps agree by chance, with a tolerance", ELASTIC, AGREEING + WITHIN),
+    Case(  # by DOP853; the first two runs agree within 8e-4
+        "two steps agree by chance, with a tolerance",
+        ELASTIC,
+        AGREEING + WITHIN,
+        e=0.908046,
+    ),
     inverts("folds after the greatest compression", RIGID, FOLDING),
     Case("fast spin on a slow flight", RIGID, FAST_SPIN, tells="dashpots took.*axial"),
     Case(

@@ -185,7 +185,7 @@ class Painter:
         colours = self.colours(values)
         half = max(_OUTLINE * unit, 1.0) * pixel  # of an outline
         above = [geometry.NOTHING]
-        canvas.set_background_color(theme.ground)
+        canvas.set_background_color(tuple(theme.ground))
         if self.wall:
             haze, solid = self._wall_shapes(camera, placed, half)
             draw_triangles(canvas, _put(camera, *haze))

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -12,8 +15,8 @@ from numpy.typing import NDArray
 
 from taichi_disk.mechanics.fields import FRINGES, QUANTITIES
 
-Colour = tuple[float, float, float]  # sRGB, 0 to 1; CIELAB in maps
-Colours = tuple[Colour, ...]
+Colour = Sequence[float]  # sRGB, 0 to 1; CIELAB in maps
+Colours = Sequence[Colour]
 Ink = tuple[int, int, int]  # sRGB, 0 to 255
 
 LEVELS = 512  # number of colours of a map
@@ -22,8 +25,8 @@ _BARE = 0.7  # fraction of the lightness range that is used in maps for lines an
 
 @dataclass(frozen=True)
 class Theme:
-    """The colours of a picture. `zero`, `low`, `high` define the maps in CIELAB; `low`
-    and `high` begin at zero."""
+    """The colours of a picture, from themes.json. `zero`, `low`, `high` define the maps
+    in CIELAB; `low` and `high` begin at zero."""
 
     ground: Colour
     ink: Colour  # important text, outlines
@@ -39,36 +42,8 @@ class Theme:
     fringe: Colours
 
 
-THEMES: dict[str, Theme] = {
-    "light": Theme(
-        ground=(0.980, 0.980, 0.972),
-        ink=(0.13, 0.14, 0.16),
-        faint=(0.37, 0.38, 0.41),
-        wall=(0.77, 0.76, 0.73),
-        arrow=(0.10, 0.10, 0.12),
-        velocity=(0.0, 0.502, 0.416),
-        rule=(0.87, 0.87, 0.86),
-        low=((76, 24, 30), (54, 56, 46), (32, 52, 36)),
-        zero=(96, 0, 1),
-        high=((76, -10, -24), (54, -2, -48), (32, 16, -56)),
-        amount=((96, -1, 8), (77, 18, 46), (58, 48, 36), (39, 50, 0), (20, 34, -30)),
-        fringe=((96, 0, 1), (20, 2, -8)),
-    ),
-    "dark": Theme(
-        ground=(0.051, 0.055, 0.067),
-        ink=(0.93, 0.93, 0.91),
-        faint=(0.64, 0.65, 0.67),
-        wall=(0.30, 0.33, 0.38),
-        arrow=(0.97, 0.97, 0.95),
-        velocity=(0.184, 0.78, 0.608),
-        rule=(0.20, 0.21, 0.23),
-        low=((38, 40, 40), (62, 48, 52), (86, 12, 46)),
-        zero=(14, 0, -2),
-        high=((38, -4, -34), (62, -14, -38), (86, -18, -18)),
-        amount=((9, 12, -18), (31, 44, -14), (53, 56, 36), (75, 26, 66), (97, -8, 44)),
-        fringe=((6, 0, 0), (94, -9, 3)),
-    ),
-}
+_TABLE = json.loads(files(__package__).joinpath("themes.json").read_bytes())
+THEMES = {name: Theme(**colours) for name, colours in _TABLE.items()}
 
 
 def map_kind(quantity: str) -> str:

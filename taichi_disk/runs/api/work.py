@@ -83,7 +83,7 @@ class Work:
     @property
     def digest(self) -> str:
         """Digest of what the user supplied besides the scene; "" if nothing."""
-        return self.own.digest + file_digest(self.scene.lattice.outline)
+        return self.own.digest + file_digest(self.scene.lattice, "outline")
 
     def lap(self, stage: str, **within: float) -> None:
         """Add the time since the last lap to `stage`, minus the times `within` it,
@@ -208,12 +208,12 @@ class Work:
         # Write all rows of a loading, because they are not equally spaced.
         interval = 0.0 if asked == "auto" or outcome.scenario.static else asked
         write_timeseries(path / "timeseries.csv", outcome.series, interval)
-        end = {
-            "positions": outcome.positions,
-            "velocities": outcome.velocities,
-            "t": outcome.end,
-        }
-        files.write_arrays(path / "final.npz", **end)
+        files.write_arrays(
+            path / "final.npz",
+            positions=outcome.positions,
+            velocities=outcome.velocities,
+            t=outcome.end,
+        )
         folder.take_over()
         summary["video"] = folder.film()
         files.write_summary(path / "summary.json", summary)

@@ -1,5 +1,4 @@
-"""The loop over time: launches, the end of a scene, restarts, failures, and messages
-about a run."""
+"""The loop over time: launches, the end of a scene, restarts, failures, messages."""
 
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ from taichi_disk.experiments.computation.diagnostics import (
     inverted_triangles,
 )
 from taichi_disk.experiments.scenes.impact import ImpactScenario
+from tests.validation.hard_cases import FAST_SPIN, FOLDING
 
 IMPACT = words("exponential_wall lattice.points=60 material.eta_star=0 time.safety=0.3")
 SCENES = {
@@ -126,11 +126,7 @@ def test_a_run_whose_balance_is_lost_fails_if_its_step_was_chosen(kernels, monke
 
 def test_triangles_are_counted_in_every_row_with_and_without_an_estimate(kernels):
     # None is inverted at the greatest compression, some are a little later.
-    folding = words("""
-        exponential_wall lattice.points=334 lattice.seed=14881 material.eta_star=5
-        impact.velocity=0.3044474127306886 impact.spin=0.9483723865185107
-        wall.a=250.27979947521234 wall.V0=125.13989973760617
-    """)
+    folding = words(f"exponential_wall {FOLDING}")
     scenario, outcome = computed(kernels, *folding, estimate=False)
     series = outcome.series
     counted = [
@@ -144,11 +140,7 @@ def test_triangles_are_counted_in_every_row_with_and_without_an_estimate(kernels
 
 
 def test_rows_follow_the_surface_of_a_fast_spin_on_a_slow_flight(kernels):
-    settings = words("""
-        exponential_wall lattice.points=44 lattice.seed=878246 lattice.rim=false
-        lattice.min_spacing=0.05575 impact.velocity=0.005342 impact.spin=0.2141
-        wall.a=3772 wall.V0=1886 material.eta_star=5.217 material.k_b=0.3314
-    """)
+    settings = words(f"exponential_wall {FAST_SPIN}")
     scenario, outcome = computed(kernels, *settings)
     errors = outcome.summary["error_estimate"]
     # 0.27 and 0.012 if rows follow the centre alone

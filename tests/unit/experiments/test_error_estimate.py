@@ -1,5 +1,4 @@
-"""The error estimate by another run: exact if errors are powers of the step, safe in
-other cases."""
+"""The error estimate: exact if errors are powers of the step, else safe."""
 
 import numpy as np
 import pytest
@@ -9,6 +8,7 @@ from taichi_disk.experiments.computation import error_estimate
 from taichi_disk.experiments.computation.diagnostics import BlowUp
 from taichi_disk.experiments.computation.error_estimate import richardson
 from taichi_disk.experiments.scenes import load_scene
+from tests.validation.hard_cases import HARD_RESET
 
 # friction holds points, whose number depends on the step
 HELD = words("""
@@ -155,51 +155,37 @@ def test_a_disk_that_comes_back_from_below_the_wall_has_no_result(step, kernels)
         computed(kernels, *fast, estimate=False)
 
 
-RESET_AT_THE_END = words("""
+RESET_AT_THE_END = """
     absorbing_wall lattice.points=60 lattice.seed=5731 material.viscosity=0
     impact.velocity=0.009864 impact.angle=-0.4806 impact.spin=-0.02138
     impact.turn=-2.6732 wall.a=134.2 wall.V0=67.1 wall.points=180 wall.width=8
     wall.threshold=0.2867 wall.k_a=2.601 wall.boundary=reset
     wall.reset_interval=0.1527 wall.contact=springs
-""")
-
-
-def test_the_error_of_the_vibration_counts_a_reset_at_the_end_of_the_contact(kernels):
-    # by steps 32 and 64 times shorter; a run and two shorter ones agree to 7e-7
-    scenario, outcome = computed(kernels, *RESET_AT_THE_END)
-    found = error_estimate.measured(scenario, outcome.series)["vibration_left"]
-    off = abs(found - 0.01237946)
-    assert off <= outcome.summary["error_estimate"]["vibration_left"] < 5.0 * off
-
-
-BESIDE_A_SPIN = words("""
+"""
+BESIDE_A_SPIN = """
     exponential_wall lattice.points=149 lattice.seed=638941 material.eta_star=0
     impact.velocity=0.01479 impact.spin=0.1524 wall.a=72.56 wall.V0=36.28
-""")
+"""
 
 
-def test_the_error_of_the_vibration_counts_the_energy_lost_beside_a_fast_spin(kernels):
-    # by a step 30 times shorter; two runs agree to 4e-7 by chance
-    scenario, outcome = computed(kernels, *BESIDE_A_SPIN)
-    found = error_estimate.measured(scenario, outcome.series)["vibration_left"]
-    off = abs(found + 0.00148189)
-    assert off <= outcome.summary["error_estimate"]["vibration_left"] < 20.0 * off
-
-
-RESET = words("""
-    absorbing_wall lattice.points=73 lattice.seed=339945 material.eta_star=0
-    impact.velocity=0.05853 impact.offset=0.0017 wall.a=2041 wall.V0=1020.5
-    wall.points=160 wall.k_a=0.4533 wall.width=3.6 wall.threshold=0.1
-    wall.reset_interval=0.02479
-""")
-
-
-def test_the_estimate_holds_on_a_hard_wall_that_is_reset(kernels):
-    # by DOP853 at three tolerances; two runs claimed 2.3e-4 and 9.7e-6
-    scenario, outcome = computed(kernels, *RESET)
+@pytest.mark.parametrize(
+    ("scene", "exact"),
+    [
+        # by steps 32 and 64 times shorter; a run and two shorter ones agree to 7e-7
+        (RESET_AT_THE_END, {"vibration_left": (0.01237946, 5.0)}),
+        # by a step 30 times shorter; two runs agree to 4e-7 by chance
+        (BESIDE_A_SPIN, {"vibration_left": (-0.00148189, 20.0)}),
+        # by DOP853 at three tolerances; two runs claimed 2.3e-4 and 9.7e-6
+        (
+            f"absorbing_wall {HARD_RESET}",
+            {"restitution": (0.895978, 5.0), "vibration_left": (0.043972, 10.0)},
+        ),
+    ],
+    ids=["reset at the end", "beside a fast spin", "hard wall"],
+)
+def test_estimates_hold_where_runs_agree_by_chance(scene, exact, kernels):
+    scenario, outcome = computed(kernels, *words(scene))
     found = error_estimate.measured(scenario, outcome.series)
-    errors = outcome.summary["error_estimate"]
-    off = abs(found["restitution"] - 0.895978)
-    assert off <= errors["restitution"] < 5.0 * off
-    fine = abs(found["vibration_left"] - 0.043972)
-    assert fine <= errors["vibration_left"] < 10.0 * fine
+    for name, (true, most) in exact.items():
+        off = abs(found[name] - true)
+        assert off <= outcome.summary["error_estimate"][name] < most * off

@@ -5,7 +5,7 @@ import re
 from itertools import groupby
 
 import numpy as np
-from shown import digest, number, numbers
+from shown import digest, number, numbers, short
 
 from taichi_disk.sandbox.session import Session, read_command
 
@@ -31,7 +31,7 @@ ACTS = (
     {"do": "press", "key": "h"},
     {"do": "press", "key": "r"},
     {"do": "press", "key": "space"},
-    *12 * (None,),
+    *5 * (None,),
     {"do": "scrub", "t": 3.0},
     {"do": "press", "key": "space"},
     None,
@@ -85,64 +85,19 @@ def told(session):
             values = re.sub(" +#.*", "", content["text"])
             yield from (f"  yaml {line}" for line in values.splitlines())
         elif kind == "graphs":
-            yield f"  graphs: {content['motion']} {digest(content['t'])}"
+            axes = f"{content['motion']} {digest(content['t'])}"
             values = np.round(content["values"], 9)  # without rounding errors
             largest = np.abs(values).max(axis=1, initial=1e-9)
-            yield f"  graphs: {digest(values / largest[:, None])} of {numbers(largest)}"
+            shapes = digest(values / largest[:, None])
+            yield f"  graphs: {axes} {shapes} of {numbers(largest)}"
         else:
-            yield from flat(content, f"  {kind}")
+            for name, part in short(content).items():
+                yield from (f"  {kind}.{name}: {text}" for text in texts_of(part))
 
 
-def flat(value, place):
-    """Yield a line for each part that has no parts itself."""
-    if isinstance(value, dict):
-        parts = value
-    elif isinstance(value, list) and not all(map(is_number, value)):
-        parts = dict(enumerate(value))
-    else:
-        yield f"{place}: {text_of(value)}"
-        return
-    if all(map(is_text, parts.values())):
-        records = [
-            ", ".join(map(str, one.values() if isinstance(one, dict) else one))
-            for one in parts.values()
-        ]
-        yield f"{place}: {'; '.join(records)}"
-        return
-    if not any(isinstance(one, (dict, list)) for one in map(plain, parts.values())):
-        words = [f"{name} {text_of(plain(one))}" for name, one in parts.items()]
-        yield f"{place}: {', '.join(words)}"
-        return
-    for name, each in parts.items():
-        yield from flat(each, f"{place}.{name}")
-
-
-def text_of(value):
-    if is_number(value):
-        return number(value)
-    if isinstance(value, list):
-        return digest(np.where(np.abs(value) < 1e-9, 0.0, value))  # no rounding errors
-    if isinstance(value, str) and len(value) > 80 and " " not in value:
-        return f"{len(value)} letters"
-    return repr(value)
-
-
-def plain(part):
-    """Return a list of words as one text, and anything else as it is."""
-    if isinstance(part, list) and part and all(isinstance(one, str) for one in part):
-        return ", ".join(part)
-    return part
-
-
-def is_text(record):
-    """Whether a part is a record of words only, as that of a key or a curve."""
-    values = record
-    if isinstance(record, dict):
-        values = record.values()
-    return isinstance(record, (dict, list)) and all(
-        isinstance(one, (str, bool)) for one in values
-    )
-
-
-def is_number(value):
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+def texts_of(part):
+    """Return a text of a part of a message, or of each record that is listed in it."""
+    records = [part]
+    if isinstance(part, list) and any(isinstance(one, dict) for one in part):
+        records = part
+    return [json.dumps(one, ensure_ascii=False) for one in records]
