@@ -20,7 +20,6 @@ from taichi_disk.base.text_files import read_text
 from taichi_disk.mechanics.fields import Triangles
 from taichi_disk.mechanics.lattice import OwnStart, outline_name
 from taichi_disk.mechanics.simulation.observables import INDEX
-from taichi_disk.mechanics.simulation.simulation import KernelCache
 from taichi_disk.pictures.web.drawing import (
     Message,
     colour_values,
@@ -86,10 +85,10 @@ class Session:
         news: set when something may have to be computed or shown.
     """
 
-    def __init__(self, playlist: list[Preset], kernels: KernelCache) -> None:
+    def __init__(self, playlist: list[Preset]) -> None:
         """Begin with the first scene of the list. Raises TaichiDiskError if the scene
         cannot be built."""
-        self.sandbox = Sandbox(playlist[0].load(), kernels)
+        self.sandbox = Sandbox(playlist[0].load())
         self.controls = Controls(self.sandbox, playlist)
         self.scales = ScaleMaxima(self.sandbox)
         self.number = 0

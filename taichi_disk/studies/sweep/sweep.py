@@ -446,8 +446,8 @@ def point_key(scene: Scene) -> str:
     """
     sections = asdict(scene)
     del sections["video"]
-    spec = scene.lattice
-    files = [file_digest(file) for file in (spec.file, spec.velocities, spec.outline)]
+    keys = ("file", "velocities", "outline")
+    files = [file_digest(scene.lattice, key) for key in keys]
     contents = [relevant_versions(), sections, files]
     text = json.dumps(contents, sort_keys=True, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:20]
