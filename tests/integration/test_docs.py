@@ -77,7 +77,7 @@ def lay_out(page, folder):
     for name in ("docs", "scenes"):
         (folder / name).symlink_to(ROOT / name)
     for _, text in blocks(page, "xml"):
-        (folder / "star.svg").write_text(text)
+        (folder / "five.svg").write_text(text)
 
 
 @every_page
