@@ -35,7 +35,7 @@ def moved(sandbox, k):
 
 def ends(kernels, scenes):
     """Return what the sandboxes of `scenes` show after a hundred pictures each."""
-    boxes = [Sandbox(load_scene(*one), kernels) for one in scenes]
+    boxes = [Sandbox(load_scene(*one)) for one in scenes]
     for one in boxes:
         one.pause()
     for k in range(100):
