@@ -95,7 +95,7 @@ def both(name):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ordering, "PARALLEL_FROM", 1)
         cut = Simulation(*body(name))
-    assert (serial.subdomains, cut.subdomains > 3) == (1, True)
+    assert (serial.arrangement.subdomains, cut.arrangement.subdomains > 3) == (1, True)
     return serial, cut
 
 
@@ -120,7 +120,7 @@ def test_subdomains_move_as_one_body(kernels, monkeypatch):
     serial = kernels.simulation(*body)
     monkeypatch.setattr(ordering, "PARALLEL_FROM", 1)
     cut = Simulation(*body)
-    assert cut.subdomains > 3
+    assert cut.arrangement.subdomains > 3
     for few in (25, 7):
         rows, own = (one.advance(few, 10)[0] for one in (serial, cut))
         assert_allclose(own, rows, rtol=1e-10, atol=1e-13)
