@@ -117,7 +117,7 @@ FAULTS = {
     "open.csv": ("\n".join(f"{k},{k * k / 90}" for k in range(90)), "a path is open"),
     "bow.csv": (
         "0,0\n1,1\n1,0\n0,1",
-        "of one body: self-intersection at (0.5, 0.5); its points go round the body once",
+        "self-intersection at (0.5, 0.5); its points go round the body once",
     ),
     "two.svg": (
         svg('<circle r="4"/><circle cx="9" r="4"/>'),
