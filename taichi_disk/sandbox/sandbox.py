@@ -297,18 +297,18 @@ class Sandbox:
         return made
 
     def _finish(self, segment: Segment) -> None:
-        """Enter the result into the table, and begin the next experiment of a curve
-        that is being collected."""
-        columns = segment.columns
-        experiment = experiment_of(segment)
-        self.results = [*self.results, experiment][-MAX_RESULTS:]
+        """Enter the result into the table, unless it was known before the user changed
+        something."""
         goes_on = self.remaining_loads or segment.scenario.falls_back
         self.paused = not goes_on
+        if self.time.measured is not segment:
+            return
+        columns = segment.columns
+        self.results = [*self.results, experiment_of(segment)][-MAX_RESULTS:]
         self.message = ""
         self._warnings = warnings(segment.scenario, columns)
         if segment.label == DISTURBED:  # a part of the energies may lie before
-            digits = printed(experiment.result, experiment.value)
-            self.answer = f"You have disturbed it: {experiment.result} = {digits}."
+            self.answer = "You have disturbed it: this result is none of a throw."
         else:
             self.answer = segment.scenario.conclusion(columns)
 

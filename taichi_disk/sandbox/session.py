@@ -299,10 +299,13 @@ class Session:
         clock, *motion = scenario.caption(time.display.values | {"t": t})
         if self.sandbox.at_start:
             motion = []
-        if time.segment.status == "finished" and time.lead == 0.0:
-            _, result = scenario.primary(time.segment.columns)
+        measured = time.measured
+        if time.lead == 0.0 and measured:
+            _, result = measured.scenario.primary(measured.columns)
             symbol = scenario.words.symbol
             motion = [f"*{symbol} = {printed(symbol, result)}"]
+        elif scenario.falls_back:
+            motion.append(scenario.bounces(time.segment.columns))
         magnify = self.controls.value("video.magnify")
         if magnify > 1.0:
             clock = f"{clock}, displacements × {magnify:g}"

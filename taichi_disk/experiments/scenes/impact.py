@@ -441,6 +441,11 @@ class ImpactScenario(Scenario):
         found = restitutions(columns, speed, impact.gravity, self.surface)
         return found[: impact.bounces]
 
+    def bounces(self, columns: Columns) -> str:
+        """Return e of each bounce so far, as a text."""
+        found = [f"{e:.3f}" for e in self.restitutions(columns) if e]
+        return " ".join(["e:", *found])
+
     def conclusion(self, columns: Columns) -> str:
         before = self.speed_before
         after = before * self.restitutions(columns)[0]
@@ -451,6 +456,10 @@ class ImpactScenario(Scenario):
             after = np.hypot(after, along[-1])
             direction = ", to the right" if along[-1] > 0.0 else ", to the left"
         text = f"It comes back at {after / before:.3f} of its speed{direction}"
+        moment = ""
+        if self.falls_back:
+            text = f"Bounce by bounce {self.bounces(columns)}"
+            moment = " after the last"
         energies = split(columns, self.shape.inertia)
         whole = energies["kinetic"][0]
         shares = {}
@@ -466,7 +475,7 @@ class ImpactScenario(Scenario):
             if share > LEAST_SHARE
         ]
         if parts:
-            text += f". Of the energy, {', '.join(parts)}"
+            text += f". Of the energy{moment}, {', '.join(parts)}"
         return f"{text}."
 
     def motion(self, columns: Columns) -> Array:

@@ -89,7 +89,11 @@ def write_page(
         if not again:
             elsewhere = too_large(runs[0].scenario.scene)
     if video.goal != "none" and not again:
-        NOTICES.warning("video.goal: no task, because this page throws no disk")
+        NOTICES.warning(
+            "video.goal: no task, because this page throws no disk: a page can throw one"
+            " disk of at most 4,000 points, at a rigid wall, without gravity, friction,"
+            " angle or spin"
+        )
     packed = _packed(states, words, video, names, rate, again, progress)
     text = Template(source("film.html")).substitute(
         title=escape(" | ".join(title[0] for title in names)),
