@@ -164,18 +164,22 @@ def _run(arguments: argparse.Namespace) -> int:
     options = _options(
         arguments, "video", "export", "overwrite", "force", "threads", "lattices"
     )
-    options |= {
-        "count_on": arguments.out is None,
-        "started": perf_counter() - BEGAN,
-    }
+    started = perf_counter() - BEGAN
 
     def computed(result: Any) -> None:
         progress.rest()
         print_result(result.summary, result.scenario.words.labels, result.out)
 
     with terminal(sys.stderr) as progress:
-        options |= {"progress": progress, "computed": computed}
-        result = run(scene, _out(arguments), **options)
+        result = run(
+            scene,
+            _out(arguments),
+            count_on=arguments.out is None,
+            progress=progress,
+            computed=computed,
+            started=started,
+            **options,
+        )
     summary = result.summary
     print_time(summary)
     is_complete = summary["status"] == "done" and not {*summary} & {*ERRORS.values()}

@@ -95,8 +95,7 @@ def painter(**attributes):
 
 
 def hexagon(rings):
-    """Return a patch of the perfect triangular lattice with springs of equal length, 1
-    R from its centre to a corner."""
+    """Return a patch of the triangular lattice, 1 R from its centre to a corner."""
     steps = np.arange(-rings, rings + 1)
     i, j = np.meshgrid(steps, steps)
     is_inside = np.abs(i + j) <= rings
@@ -112,8 +111,7 @@ def changed(array, place, value):
 
 
 def assert_tiles(positions, triangles, outline):
-    """Check that the triangles, all counter-clockwise, fill the outline without gap or
-    overlap."""
+    """Check that the triangles, all counter-clockwise, just fill the outline."""
     area = 0.5 * double_area(positions[triangles])
     assert area.min() > 0
     assert area.sum() == pytest.approx(polygon_area(positions[outline]), rel=1e-9)
@@ -121,8 +119,7 @@ def assert_tiles(positions, triangles, outline):
 
 
 def holes_of(lattice):
-    """Return the areas [R^2] of the holes: components of the graph of outer sides,
-    except the outline."""
+    """Return the areas [R^2] of the holes: outer sides, except the outline."""
     side = Triangles(lattice).outline
     _, part = connected_components(
         coo_matrix((np.ones(len(side)), side.T), shape=2 * [len(lattice.masses)])
@@ -156,8 +153,7 @@ def moving_down(lattice, speed):
 
 
 def non_uniform(lattice, least=0.8, most=1.25):
-    """Return the lattice with random masses of the disk's points and random stiffness
-    factors."""
+    """Return the lattice with random masses of the disk and random stiffness."""
     rng = np.random.default_rng(7)
     n = lattice.disk_points
     masses = lattice.masses.copy()
@@ -169,8 +165,7 @@ def non_uniform(lattice, least=0.8, most=1.25):
 
 
 def bouncing(scene, points, eta, height=0.05):
-    """Return lattice, velocities and model of a disk just above a wall, moving down or
-    pressed; "non-uniform ..."."""
+    """Return lattice, velocities and model of a disk just above a wall."""
     if scene.startswith("non-uniform "):
         lattice, velocities, model = bouncing(
             scene.removeprefix("non-uniform "), points, eta, height
@@ -203,8 +198,7 @@ def matched(lattice):
 
 
 def advance(simulation, steps, stride=1):
-    """Return the time series of `steps` more steps, beginning with the state at t = 0
-    if there were none before."""
+    """Return the time series of `steps` more steps; the first begins at t = 0."""
     first = simulation.first_row[None][: int(simulation.step_number == 0)]
     start = simulation.time
     interval = stride * simulation.dt
@@ -215,8 +209,7 @@ def advance(simulation, steps, stride=1):
 
 
 def to_pixels(camera, xy):
-    """(column, row) [px] of points (..., 2) [R] on the canvas of a camera, from the
-    coordinates that GGUI gets."""
+    """Return (column, row) [px] of points (..., 2) [R], as GGUI gets them."""
     factor, shift = camera.canvas_map()
     return (factor * np.asarray(xy) + shift - [0.0, 1.0]) * [
         camera.width,

@@ -54,8 +54,7 @@ ROOT = Path(__file__).parents[1]
 
 
 class Browser:
-    """A browser. `driver` is selenium's; the sandbox's object of class Sandbox is
-    `window.sandbox`."""
+    """A browser. `driver` is selenium's, `window.sandbox` the page's sandbox."""
 
     def __init__(self, size=SIZE):
         self._folder = tempfile.TemporaryDirectory()
@@ -326,8 +325,7 @@ Served = tuple[subprocess.Popen[str], str]
 
 @contextmanager
 def serving(folder, *arguments):
-    """Yield `view` with these arguments, on a machine without display and Vulkan, and
-    its address."""
+    """Yield `view`, on a machine without display and Vulkan, and its address."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     environment.pop("DISPLAY", None)
     environment["VK_ICD_FILENAMES"] = "/nonexistent"

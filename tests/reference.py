@@ -12,8 +12,7 @@ from scipy.integrate import solve_ivp
 
 
 class Contacts(NamedTuple):
-    """Contacts, one per row: point of the disk, ends of the wall spring below, normal,
-    distance and lever."""
+    """Contacts, one per row; `left` and `right`: ends of the wall's spring."""
 
     point: np.ndarray
     left: np.ndarray
@@ -24,8 +23,7 @@ class Contacts(NamedTuple):
 
 
 class Model:
-    """The model of one lattice: its arrays, and the parameters of the program's
-    `model`."""
+    """The arrays of one lattice, and the parameters of the program's `model`."""
 
     def __init__(self, lattice, model):
         kind = type(model.wall).__name__
@@ -58,8 +56,7 @@ class Model:
         self.pinned = type(model.boundary).__name__ == "PinnedBoundary"
 
     def contacts(self, x):
-        """Return the contacts of the disk's surface points with the wall springs; every
-        pair is tried."""
+        """Return the contacts of disk and wall; every pair is tried."""
         left = self.wall_surface[:-1]
         right = self.wall_surface[1:]
         px = x[self.disk_surface, 0][:, None]
@@ -103,8 +100,7 @@ class Model:
         )
 
     def wall_force(self, x):
-        """Return the wall's force on all points (n, 2), including the reaction on an
-        elastic wall."""
+        """Return the wall's force on all points (n, 2), with its reaction."""
         f = np.zeros_like(x)
         if self.rigid:
             f[: self.disk_points, 1] += (
@@ -157,8 +153,7 @@ class Model:
         return found.y.T.reshape(-1, 2, *shape)
 
     def solve_with_resets(self, x, v, end, interval, rtol=1e-11):
-        """Return (x, v) at the time `end`; the boundary's velocities are set to zero
-        every `interval`."""
+        """Return (x, v) at `end`; every `interval` the boundary is reset."""
         t = 0.0
         for stop in np.arange(1, int(end / interval * (1 + 1e-12)) + 1) * interval:
             x, v = self.solve(x, v, (t, stop), rtol)[-1]

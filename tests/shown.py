@@ -29,8 +29,7 @@ PARTS = ("ground", "ink", "faint", "wall", "arrow", "velocity", "rule")
 
 
 def colours():
-    """Yield the name of each colour of pictures, and its values on light and on dark
-    ground."""
+    """Yield the name of each colour, and its values on light and dark ground."""
     light, dark = THEMES.values()
     for name in PARTS:
         yield name, to_hex(getattr(light, name)), to_hex(getattr(dark, name))
@@ -213,8 +212,7 @@ def of_figure(figure):
 
 
 def points(figure, pixels):
-    """Return places on a figure [pt] that may differ by two, or, if letters decide the
-    layout, by twelve."""
+    """Return places on a figure [pt], of which letters change no digit."""
     unit = 72.0 / figure.dpi
     if figure.figure.get_layout_engine():
         unit /= 6.0

@@ -1,5 +1,4 @@
-"""Pages on the stage of tests/stage/stage.js, which has no fonts, no time, no network
-and no graphics: what they draw, show and send is the same on every machine."""
+"""Pages on the stage of tests/stage/stage.js, which is the same on every machine."""
 
 import re
 import tempfile

@@ -48,6 +48,7 @@ STYLE = {
 LINE, _ = MOTION.colours
 MARK = "0.45"
 SUM = "#222222"
+_SUM_LINE: dict[str, Any] = {"color": SUM, "linestyle": (0, (8, 2))}
 # Curves and films end when the kinetic energy falls below this fraction of its maximum:
 # a hundredth of the speed, which nobody sees.
 AT_REST = 1e-4
@@ -58,7 +59,7 @@ PANEL_HEIGHTS = (1.2, 1.0, 1.5)
 # fractions of the figure
 LAYOUT = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}
 TITLE_WIDTH = 95  # [letters]
-TITLE_HEIGHT = 21.0  # of all lines above the axes [pt]
+TITLE_HEIGHT = 20.5  # of all lines above the axes [pt]
 FORCE_LABEL = "wall force  [Mc²/R]"
 ENERGY_LABEL = "energy  [Mc²]"
 RAISED = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -284,8 +285,7 @@ def _draw_run(figure: Any, scene: PlotScene) -> None:
         color="0.2",
     )
     everything = columns["total"] - columns["load"][0]
-    dashes = (0, (8, 2))
-    energies.plot(t, everything, color=SUM, linestyle=dashes, label="sum of all")
+    energies.plot(t, everything, label="sum of all", **_SUM_LINE)
     energies.legend(
         loc="lower center",
         bbox_to_anchor=(0.54, 1.0),
@@ -344,8 +344,7 @@ def _draw_loading(figure: Any, scene: PlotScene) -> None:
             linestyle=look.style,
         )
     stored = columns["elastic"] + columns["wall"]
-    dashes = (0, (8, 2))
-    energy.plot(xi, stored, color=SUM, linestyle=dashes, label="sum: work of the load")
+    energy.plot(xi, stored, label="sum: work of the load", **_SUM_LINE)
     force.set_ylabel("load P  [Mc²/R]")
     energy.set(xlabel=words.motion, ylabel=ENERGY_LABEL)
     force.legend(loc="lower right")

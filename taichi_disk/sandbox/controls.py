@@ -25,8 +25,6 @@ from taichi_disk.sandbox.sandbox import Sandbox, load_key, value_of
 # by which keys change a value, and the number of points
 FACTORS = (1.12, 1 / 1.12)
 POINT_FACTORS = (1 / 1.5, 1.5)
-# keys that repeat while held
-REPEATING_KEYS = ("Left", "Right", "Up", "Down", "e", "d", "a", "z", "s", "m", "i", "u")
 # smallest values above 0 to which keys change a viscosity
 MIN_VISCOSITY = {"material.eta_star": 0.1, "material.viscosity": 1e-4}
 # largest number that can be typed, for which the compiled kernels have room
@@ -57,6 +55,7 @@ RANGES = {
     key: Range(*row, *SLIDERS.get(key, ())) for key, row in _TABLES["ranges"].items()
 }
 CHOICES = _TABLES["choices"]
+REPEATING_KEYS = _TABLES["repeating"]
 SVG = '<svg xmlns="http://www.w3.org/2000/svg"><path d="{}"/></svg>\n'
 
 

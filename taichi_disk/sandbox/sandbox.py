@@ -148,7 +148,7 @@ class Sandbox:
         results: the last experiments that came to their end, the newest last.
         remaining_loads: loads for which a curve still needs results, the next one
             first: see `collect`.
-        grip: the point tied to the mouse and the mouse's position [R], or None.
+        grip: number of the point tied to the mouse, or -1.
         drawn_throw: velocity [c] and angle [rad] of the throw that is being drawn, or
             None.
     """
@@ -188,7 +188,7 @@ class Sandbox:
         self._due = 0.0
         self._slowed = 1.0
         self.remaining_loads: list[float] = []
-        self.grip: tuple[int, tuple[float, float]] | None = None
+        self.grip = -1
         self.drawn_throw: tuple[float, float] | None = None
 
     def _start(self, scene: Scene, body: Lattice | None = None) -> Start:
@@ -463,7 +463,7 @@ class Sandbox:
         start = self._start(scene_of_hit, self.time.start.body)
         self.time.carry_on(start, label, velocities)
         self.scene = scene
-        self.grip = None
+        self.grip = -1
         self.paused = self.paused and status not in ("failed", "finished")
 
     # ---- the mouse
@@ -525,18 +525,17 @@ class Sandbox:
         self._settle()
         if self.time.segment.status == "failed" or self.time.lead > 0.0:
             return
-        if not self.grip:
+        if self.grip < 0:
             self._carry_on(self.scene, PULLED)
             points = self.time.start.body.disk_points
-            disk = self.time.segment.present.x[:points]
-            self.grip = int(np.hypot(*(disk - (x, y)).T).argmin()), (x, y)
-        self.grip = self.grip[0], (x, y)
-        self.time.segment.pull(*self.grip)
+            away = self.time.segment.present.x[:points] - (x, y)
+            self.grip = int(np.hypot(*away.T).argmin())
+        self.time.segment.pull(self.grip, (x, y))
 
     def release(self) -> None:
         """Untie the point, after which the scene can end again, and forget a throw that
         is being drawn."""
         self.drawn_throw = None
-        if self.grip and self.time.segment.status != "failed":
+        if self.grip >= 0 and self.time.segment.status != "failed":
             self._carry_on(self.scene, DISTURBED)
-        self.grip = None
+        self.grip = -1

@@ -106,7 +106,6 @@ class Session:
         self.scales = ScaleMaxima(self.sandbox)
         self.number = 0
         self.news = asyncio.Event()
-        self._command_count = 0
         self._pending: dict[Any, Message] = {}
         # what the last text of a kind depends on
         self._keys: dict[str, Any] = {}
@@ -125,12 +124,9 @@ class Session:
 
     def hear(self, message: Message) -> None:
         """Keep a command, as `read_command` returns it, until the next picture."""
-        self._command_count += 1
-        key = (
-            (message["do"], message.get("key"))
-            if message["do"] in _REPLACED
-            else self._command_count
-        )
+        key: Any = object()
+        if message["do"] in _REPLACED:
+            key = message["do"], message.get("key")
         self._pending.pop(key, None)  # the latest stands at the end
         if len(self._pending) < _MAX_PENDING:
             self._pending[key] = message
@@ -144,7 +140,7 @@ class Session:
         sandbox = self.sandbox
         return bool(
             self._pending
-            or sandbox.grip
+            or sandbox.grip >= 0
             or sandbox.time.lead > 0.0
             or not sandbox.paused
         )
@@ -170,9 +166,10 @@ class Session:
         self.news.set()
 
     def _carry_out_commands(self) -> None:
-        while self._pending:
-            first = next(iter(self._pending))
-            self.controls.attempt(self._carry_out, *self._pending.pop(first).values())
+        commands = self._pending.values()
+        self._pending = {}
+        for command in commands:
+            self.controls.attempt(self._carry_out, *command.values())
 
     def _carry_out(self, kind: str, *values: Any) -> None:
         part, _ = _COMMANDS[kind]
@@ -273,14 +270,13 @@ class Session:
         forces = contact_forces(scenario, x, v)
         scales = self.scales
         scales.update(values[: lattice.disk_points], forces, video.colour)
-        pulled = sandbox.grip[0] if sandbox.grip else -1
         t = state.t - state.segment.hit_began
         header = [
             self.number,
             t,
             len(x),
             len(forces),
-            pulled,
+            sandbox.grip,
             len(values),
             scales.colour,
             scales.force,

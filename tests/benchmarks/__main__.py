@@ -40,6 +40,14 @@ def main():
         default=precision.LATTICES,
         help="of `precision` (default: %(default)s)",
     )
+    parser.add_argument(
+        "--speeds",
+        nargs="+",
+        type=float,
+        default=precision.SPEEDS,
+        metavar="V",
+        help="of `precision` [c] (default: %(default)s)",
+    )
     given = parser.parse_args()
     summary = {"processor": processor(), "cores": os.cpu_count(), **versions()}
     if hasattr(os, "getloadavg"):
@@ -53,7 +61,7 @@ def main():
         for line in page.page(tuple(given.set)):
             print(line, flush=True)
     if "precision" in given.parts:
-        options = {"figure": given.figure, "lattices": given.lattices}
+        options = {name: vars(given)[name] for name in ("figure", "lattices", "speeds")}
         for line in precision.precision(given.repeats, tuple(given.set), **options):
             print(line, flush=True)
 

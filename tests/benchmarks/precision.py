@@ -9,7 +9,6 @@ flight starts where the wall's potential is 1e-10 of the kinetic energy.
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import tempfile
@@ -73,6 +72,13 @@ LOOK = {
     "Numba": (ORANGE, "D"),
     "Numba, Takahashi-Imada": (ORANGE, "P"),
 }
+# sides of a point on which its name may stand: shift of the name [pt]
+SIDES = {
+    "bottom center": (0, 9),
+    "top center": (0, -9),
+    "bottom left": (6, 6),
+    "top right": (-6, -6),
+}
 FLOOR = 1e-11  # of errors: to what the reference is known
 SOLVERS = ("DOP853", "Radau", "BDF")
 HIGHER = (*SOLVERS, f"run, {NAMES[IMADA]}", "Numba, Takahashi-Imada")
@@ -93,13 +99,13 @@ class Measured:
     further: list[float]
 
 
-def precision(repeats, settings, figure=None, lattices=LATTICES):
+def precision(repeats, settings, figure=None, lattices=LATTICES, speeds=SPEEDS):
     """Yield a Markdown table, and draw it as a diagram into the file `figure`."""
-    impacts = sample(settings, lattices)
+    impacts = sample(settings, lattices, speeds)
     truths = [truth(impact) for impact in impacts]
     yield (
-        f"{len(impacts)} impacts: v = {', '.join(map(str, SPEEDS))} c,"
-        f" {len(impacts) // len(SPEEDS)} lattices, {' '.join(settings)}. True e by"
+        f"Impacts: {len(impacts)}, v = {', '.join(map(str, speeds))} c, lattices:"
+        f" {lattices}, {' '.join(settings)}. True e by"
         f" DOP853 at rtol 1e-12. Commands: the first impact, {repeats} times."
     )
     yield (
@@ -130,12 +136,12 @@ def precision(repeats, settings, figure=None, lattices=LATTICES):
 # ---- the impacts
 
 
-def sample(settings, lattices):
+def sample(settings, lattices, speeds):
     """Return the impacts, as `peers.read` expects them; those of the first lattice are
     timed."""
     found = []
     for seed in range(lattices):
-        for speed in SPEEDS:
+        for speed in speeds:
             own = [f"lattice.seed={seed}", f"impact.velocity={speed}"]
             given = [FREE, *settings, *own]
             scene = load_scene(RIGID, given)
@@ -281,12 +287,9 @@ def peer_measured(program, setting, number, file, repeats, truths):
 def by_python(*arguments):
     """Run Python with these arguments in a process of its own; return what it prints,
     and its wall clock [s]."""
-    # DOP853 multiplies 13 long rows by a few numbers: on a busy machine two threads of
-    # OpenBLAS wait for each other.
-    variables = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
     line = [sys.executable, *arguments]
     began = perf_counter()
-    ended = subprocess.run(line, env=variables, capture_output=True, text=True)
+    ended = subprocess.run(line, capture_output=True, text=True)
     seconds = perf_counter() - began
     if ended.returncode:
         raise RuntimeError(f"{' '.join(line)}: {ended.stderr}")
@@ -349,11 +352,14 @@ def diagram(points):
         panels[1].set_xlabel("wall clock of a further impact  [ms]")
         log_if_wide(panels[1], np.array([1e3 * min(one.further) for one in drawn]))
         figure.draw_without_rendering()
+        figure.set_layout_engine("none")
+        for ax in panels:
+            name_lines(ax)
     return figure
 
 
 def draw_program(ax, program, kind, points):
-    """Draw the points of a program that are of this kind, and write its name."""
+    """Draw the points of a program that are of this kind."""
     own = [point for point in points if kind_of(point) == (program, kind)]
     if not own:
         return
@@ -367,23 +373,55 @@ def draw_program(ax, program, kind, points):
         look |= {"linestyle": "none"}
     milliseconds = [1e3 * min(point.further) for point in own]
     errors = [max(point.error, FLOOR) for point in own]
-    ax.plot(milliseconds, errors, **look)
-    # above the first point or below the last, where other names are not
-    if kind == "run" or name == "LAMMPS":
-        place = np.argmax(errors)
-        where = {"xytext": (0, 8), "ha": "center", "va": "bottom"}
-    else:
-        place = np.argmin(errors)
-        where = {"xytext": (0, -9), "ha": "center", "va": "top"}
-    if name == "run, one run":
-        where["ha"] = "right"
-    ax.annotate(
-        name,
-        (milliseconds[place], errors[place]),
-        textcoords="offset points",
-        color=colour,
-        **where,
-    )
+    ax.plot(milliseconds, errors, label=name, **look)
+
+
+def name_lines(ax):
+    """Write the name of each line beside one of its points, where it covers fewest
+    lines and names: above a point at the start of the line, or below one at its end."""
+    taken = np.concatenate([np.empty((0, 2)), *map(along, ax.lines)])
+    for line in ax.lines:
+        places = list(enumerate(line.get_xydata()))
+        tries = []
+        for (rank, place), (side, shift) in product(places, SIDES.items()):
+            end = rank if shift[1] > 0 else len(places) - 1 - rank
+            name = ax.annotate(
+                line.get_label(),
+                place,
+                xytext=shift,
+                textcoords="offset points",
+                color=line.get_color(),
+                ha=side.split()[1],
+                va=side.split()[0],
+            )
+            box = name.get_window_extent()
+            inside = ax.bbox.x0 < box.x0 and box.x1 < ax.bbox.x1
+            inside = inside and ax.bbox.y0 < box.y0 and box.y1 < ax.bbox.y1
+            tries.append((covered(box, taken), not inside, end, len(tries), name))
+        *_, best = min(tries)
+        for *_, name in tries:
+            if name is not best:
+                name.remove()
+        box = best.get_window_extent()
+        grid = product(np.linspace(box.x0, box.x1, 40), np.linspace(box.y0, box.y1, 9))
+        taken = np.concatenate([taken, list(grid)])
+
+
+def along(line):
+    """Return points (n, 2) of the picture along a line, its markers among them."""
+    ends = line.get_transform().transform(line.get_xydata())
+    if line.get_linestyle() == "None":
+        return ends
+    parts = np.linspace(0.0, len(ends) - 1.0, 40 * len(ends))
+    places = [np.interp(parts, np.arange(len(ends)), column) for column in ends.T]
+    return np.transpose(places)
+
+
+def covered(box, taken):
+    """Return how many of the points lie in a box or within half a marker of it."""
+    low = np.array([box.x0, box.y0]) - 8.0
+    high = np.array([box.x1, box.y1]) + 8.0
+    return int(np.all((low < taken) & (taken < high), axis=1).sum())
 
 
 def kind_of(point):

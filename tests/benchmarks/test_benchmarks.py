@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import pytest
 
@@ -80,3 +80,23 @@ def test_the_numbers_along_the_diagram_do_not_overlap():
     assert len(boxes) >= 3
     assert not any(label.get_text() for label in minor)
     assert all(left.x1 < right.x0 for left, right in pairwise(boxes))
+
+
+def test_the_names_in_the_diagram_cover_neither_each_other_nor_a_point():
+    points = [
+        precision.Measured(program, "step", second, 1e-6 * k**-2, [], [time * k])
+        for program, second, time in (
+            (VERLET, True, 0.029),
+            (VERLET, False, 0.013),
+            ("LAMMPS", False, 0.021),
+            ("Numba", False, 0.0115),
+        )
+        for k in (1, 2, 4, 8)
+    ]
+    axes = precision.diagram(points).axes[0]
+    names = [(text.get_text(), text.get_window_extent()) for text in axes.texts]
+    assert {name for name, _ in names} == {"run", "run, one run", "LAMMPS", "Numba"}
+    assert not any(one.overlaps(two) for (_, one), (_, two) in combinations(names, 2))
+    for line in axes.lines:
+        marks = axes.transData.transform(line.get_xydata())
+        assert not any(box.count_contains(marks) for _, box in names)

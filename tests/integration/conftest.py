@@ -1,5 +1,4 @@
-"""One Chromium and one Firefox for all tests, the program that serves the page, and
-runs without a plot."""
+"""The browsers of all tests, the program that serves the page, runs without plots."""
 
 import os
 
@@ -41,10 +40,7 @@ def each_browser(browsers, request):
 
 @pytest.fixture
 def served(tmp_path):
-    """The program with the scenes of the list, and its address.
-
-    It must end by a signal without a traceback.
-    """
+    """The program and its address; it must end by a signal without a traceback."""
     settings = (f"--set={one}" for one in SETTINGS)
     with serving(tmp_path, *settings) as (program, url):
         yield program, url

@@ -1,5 +1,4 @@
-"""The program needs nothing that only POSIX has, no Unicode console, and no path
-without spaces."""
+"""The program needs nothing of POSIX, no Unicode console and no path without spaces."""
 
 import os
 import sys
@@ -74,8 +73,7 @@ assert Path("run", "plot.png").exists() and Path("sweep", "points.csv").exists()
 
 @pytest.fixture
 def bare(tmp_path):
-    """(folder with a space, environment) in which every Python lacks what Windows
-    lacks, and speaks code page 1252."""
+    """A folder with a space, and an environment that lacks what Windows lacks."""
     place = tmp_path / "my desk"
     (place / "site").mkdir(parents=True)
     (place / "site" / "sitecustomize.py").write_text(BARE, encoding="utf-8")

@@ -588,17 +588,6 @@ def test_a_pickled_result_has_its_series_and_states(name):
         assert (result.state(t).positions == copy.state(t).positions).all()
 
 
-@pytest.mark.validate
-def test_a_result_of_another_process_is_the_same():
-    kind, changes, own = OWN["strained"]
-    scene = load_scene(kind).with_(changes)
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        there = pool.submit(run, scene, **own).result()
-    here = alone(scene, **own)
-    assert_same(here, there)
-    assert (here.state(0.7).positions == there.state(0.7).positions).all()
-
-
 def test_a_blow_up_comes_back_from_another_process_too():
     failure = pickle.loads(pickle.dumps(BlowUp("bad", {"t": np.ones(1)})))
     assert str(failure) == "bad"

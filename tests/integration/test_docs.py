@@ -44,8 +44,7 @@ def prose(page):
 
 
 def commands(page):
-    """Yield (whether it may run, arguments) of each `taichi-disk` command of a page, in
-    sh blocks or in a line."""
+    """Yield (whether it may run, arguments) of each command in blocks and lines."""
     for text in INLINE.findall(prose(page)):
         words = shlex.split(text, comments=True)
         # only the name of a command
@@ -80,7 +79,7 @@ def lay_out(page, folder):
     for name in ("docs", "scenes"):
         (folder / name).symlink_to(ROOT / name)
     for _, text in blocks(page, "xml"):
-        (folder / "star.svg").write_text(text)
+        (folder / "five.svg").write_text(text)
 
 
 @every_page

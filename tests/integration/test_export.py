@@ -1,5 +1,4 @@
-"""Trajectories, read by other libraries, contain the model's positions, strains,
-forces, stresses and energies."""
+"""Trajectories, as other libraries read them, contain the model's quantities."""
 
 import tracemalloc
 import xml.etree.ElementTree as ElementTree
@@ -39,8 +38,7 @@ def state(t):
 
 
 def truth(t):
-    """Return strain, tension and energy of the springs, and the contact's forces, by
-    plain formulae."""
+    """Return the springs' and the contact's quantities by plain formulae."""
     x, _ = state(t)
     i, j = LATTICE.bonds.T
     stretch = np.linalg.norm(x[i] - x[j], axis=1) - LATTICE.rest_lengths
@@ -66,8 +64,7 @@ def close(found, expected):
 
 
 def tensor(x):
-    """Return the stress at the points as XX, YY, ZZ, XY, XZ, YZ, of which OVITO and
-    ParaView know the first four."""
+    """Return the stress at the points as XX, YY, ZZ, XY, XZ, YZ."""
     xx, yy, xy = point_stress(Triangles(LATTICE), MODEL.springs, x).T
     return np.stack([xx, yy, 0.0 * xx, xy, 0.0 * xx, 0.0 * xx], axis=1)
 

@@ -1,5 +1,4 @@
-"""Films: the right content, complete or not at all, the same bytes each time, and with
-explanations."""
+"""Films: the right content, whole or not at all, the same bytes, and explanations."""
 
 import hashlib
 import os

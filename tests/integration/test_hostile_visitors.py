@@ -79,8 +79,7 @@ async def guest(port, key="", **options):
 
 
 def visited(sessions, act):
-    """Serve a sandbox while visitors act; whoever comes afterwards must be served and
-    play."""
+    """Serve a sandbox while visitors act; whoever comes afterwards must play."""
 
     async def visit():
         with socket.create_server(("127.0.0.1", 0), backlog=128) as listening:

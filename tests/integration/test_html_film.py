@@ -1,5 +1,4 @@
-"""The HTML film: a small file that needs no network, and in a real browser plays and
-shows the computed data."""
+"""The HTML film: small, without network; a browser plays it and shows its data."""
 
 import os
 import re
@@ -36,7 +35,7 @@ def test_a_film_is_one_file_that_fetches_nothing_and_carries_its_scene(folder):
     text = (folder / "film.html").read_text()
     assert not re.search(r'(src|href)="|import\s*[{("]|https?://|@import|url\(', text)
     assert "scene: exponential_wall" in text
-    assert "spin: 0.4" in text
+    assert "spin: 0.15" in text
 
 
 def test_states_survive_the_packing_to_a_thousandth_of_r(folder):

@@ -1,5 +1,4 @@
-"""A result is the mean over random lattices with their scatter, followed by the value
-of the scene's lattice."""
+"""A result is the mean over random lattices, then the value of the scene's lattice."""
 
 import json
 import re

@@ -1,5 +1,4 @@
-"""The user's own Taichi, started before or after a run; and the engine sends nothing
-over the network."""
+"""The user's own Taichi beside a run; and the engine sends nothing over the network."""
 
 import os
 import sys

@@ -18,8 +18,7 @@ from tests.browser import SETTINGS
 
 @pytest.fixture(scope="module")
 def address():
-    """Return the address of a server with the scenes of the list, which shares its
-    kernels with the sandboxes of other tests."""
+    """Return the address of a server that shares its kernels with other tests."""
     runtime.start()
     playlist = list_presets(load_scene("exponential_wall", SETTINGS))
     sessions = server.Sessions(playlist, shared_kernels())

@@ -1,5 +1,4 @@
-"""All that the sandbox's page and a film's page draw, show and send, compared with
-recordings (see shown.py)."""
+"""All that pages draw, show and send, compared with recordings (see shown.py)."""
 
 import re
 from pathlib import Path

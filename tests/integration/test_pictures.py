@@ -1,5 +1,4 @@
-"""Pictures of the painter: everything is at the place given by the camera, in the
-colour given by the map."""
+"""Pictures of the painter: all is where the camera puts it, in the colour of maps."""
 
 import os
 
@@ -28,8 +27,7 @@ X += [0.0, 1.1]
 
 @pytest.fixture(scope="module")
 def shoot(tmp_path_factory):
-    """Return a function that draws a state of a lattice: (SIZE, SIZE, 3), rows
-    downwards, 0 to 1."""
+    """Return a function that draws a lattice: (SIZE, SIZE, 3), rows downwards."""
     runtime.start()
     window = ti.ui.Window("test", (SIZE, SIZE), show_window=False)
     here = os.getcwd()

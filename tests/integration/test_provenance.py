@@ -1,5 +1,4 @@
-"""The origin of results: files contain their scene and version; the summary also has
-date and machine."""
+"""Files say where results come from: scene, version, date and machine."""
 
 import re
 

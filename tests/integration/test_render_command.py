@@ -1,5 +1,4 @@
-"""Filming finished runs again: the same film, comparisons, refusals, and unchanged
-results."""
+"""Filming finished runs again: the same film, comparisons, refusals."""
 
 import numpy as np
 import pytest
@@ -16,8 +15,7 @@ needs_vulkan = pytest.mark.skipif(
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """Return an impact with a film, one without film and with weak dashpots, one from
-    Python, and a compression."""
+    """Return impacts with and without film, one from Python, and a compression."""
     folder = tmp_path_factory.mktemp("runs")
     problem = film_problem()
     small = ["lattice.points=100", "impact.velocity=0.05", "video.colour=force"]

@@ -1,5 +1,4 @@
-"""The files of a run: names, columns and units, and all data to repeat it with another
-program."""
+"""The files of a run: names, units, and all data to repeat it with another program."""
 
 import errno
 import os
@@ -71,8 +70,7 @@ def runs(tmp_path_factory):
 
 @pytest.fixture
 def command(tmp_path, capsys):
-    """Return a function that runs a small impact into tmp_path / "o", and returns the
-    exit status and what was printed."""
+    """Return a function that runs a small impact, for its status and output."""
 
     def ended(*words):
         options = ["--no-video", "--lattices=1", f"--out={tmp_path / 'o'}", *words]

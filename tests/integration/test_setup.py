@@ -36,8 +36,7 @@ def script(path, text):
 
 @pytest.fixture
 def clone(tmp_path):
-    """Return a folder with the script, and a search path without browsers, sudo and
-    sbin."""
+    """Return a folder with the script, without browsers, sudo and sbin."""
     folder = tmp_path.resolve() / "Meine Übung"
     for name in (".ci", "tools"):
         (folder / name).mkdir(parents=True)

@@ -1,5 +1,4 @@
-"""Signals: whenever Ctrl-C or SIGTERM comes, the exit status is 130 and all files are
-complete."""
+"""Whenever Ctrl-C or SIGTERM comes, the exit status is 130, all files complete."""
 
 import os
 import random
@@ -187,8 +186,7 @@ def test_a_second_ctrl_c_ends_the_building_of_a_large_lattice_at_once(tmp_path, 
 
 
 def processor_time(process):
-    """Return the processor time [s] of a process that runs, in all its threads. It does
-    not depend on what else the machine does."""
+    """Return the processor time [s] that a process has used in all its threads."""
     fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
     ticks = int(fields[11]) + int(fields[12])  # user, system
     return ticks / os.sysconf("SC_CLK_TCK")

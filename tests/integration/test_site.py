@@ -1,5 +1,4 @@
-"""The documentation site: formulas without the internet, reference pages, and a search
-that finds words."""
+"""The site: formulas without the internet, reference pages, and a search."""
 
 import importlib.util
 import json

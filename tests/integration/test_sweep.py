@@ -1,5 +1,4 @@
-"""Sweeps: a row is what `run` gives for its scene, independent of other scenes, of the
-order and of the executor."""
+"""A row of a sweep is what `run` gives, whatever the order and the executor."""
 
 import csv
 import errno
@@ -69,16 +68,14 @@ def small(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def no_figures(monkeypatch):
-    """Draw no figures, because a figure takes a second and the one of `small` is
-    enough."""
+    """Draw no figures: one takes a second, and that of `small` is enough."""
     monkeypatch.setattr(
         "taichi_disk.studies.figures.drawing.draw", lambda diagram, out: None
     )
 
 
 def values_at(rows, name, **axes):
-    """Return the numbers `name` of the rows at a place of the axes, one for each
-    lattice."""
+    """Return the numbers `name` at a place of the axes, one for each lattice."""
     return [
         float(row[name])
         for row in rows

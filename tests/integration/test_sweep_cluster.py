@@ -1,6 +1,4 @@
-"""Sweeps by several processes, some of which are killed: the same bytes as with one
-process, and no finished point is lost.
-"""
+"""Sweeps by processes of which some are killed: the same bytes, and no lost point."""
 
 import json
 import os

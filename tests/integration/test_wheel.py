@@ -1,5 +1,4 @@
-"""The files of `python -m build` are complete: installed elsewhere, without the
-checkout, they do the main job."""
+"""The files of `python -m build`, installed elsewhere, do the main job."""
 
 import os
 import shutil

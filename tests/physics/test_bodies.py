@@ -1,5 +1,4 @@
-"""Rings, cores and other bodies of non-uniform points and springs, against closed forms
-and dense matrices."""
+"""Rings, cores and non-uniform bodies, against closed forms and dense matrices."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,5 +1,4 @@
-"""The same scene gives the same bits: when repeated, after other scenes, and when
-replayed."""
+"""A scene gives the same bits: repeated, after other scenes, and replayed."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,4 @@
-"""Contact with the elastic wall: every point finds the spring below it and pushes its
-two ends by the lever rule."""
+"""The elastic wall: a point pushes the ends of the spring below by the lever rule."""
 
 from dataclasses import replace
 
@@ -77,8 +76,7 @@ SMOOTH = SmoothElasticWall(A, V0, 0.1)
 
 
 def smooth_potential(x):
-    """Return V0 exp(-a l) - V0 exp(-a 0.1) above SciPy's B-spline through the wall's
-    surface, point by point."""
+    """Return the potential above SciPy's B-spline through the wall's surface."""
     chain = x[LATTICE.wall_surface]
     # over its control point k at the parameter k
     curve = BSpline(np.arange(len(chain) + 3) - 1.5, chain, 2)

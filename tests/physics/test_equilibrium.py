@@ -1,5 +1,4 @@
-"""The equilibrium of the pressed disk: at rest, stable, and the same as by a minimiser
-and by relaxation."""
+"""The pressed disk at rest: stable, and the same by a minimiser and by relaxation."""
 
 import re
 from dataclasses import replace
@@ -35,8 +34,7 @@ def forces(lattice, model, x):
 
 
 def rest_of(lattice, model, **options):
-    """Solve by Newton's method from the unloaded disk, at the height at which the wall
-    carries it as a rigid body."""
+    """Solve by Newton's method from where the wall carries the rigid body."""
     start = place_on_wall(lattice, 0.0, model.wall, model.load.force).positions
     return solve_equilibrium(lattice, model, start, **options)
 

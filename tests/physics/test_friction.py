@@ -1,5 +1,4 @@
-"""Impacts at an angle, with spin and with friction: impulse, torque, the rigid body,
-and independent programs."""
+"""Impacts at an angle, with spin and friction: impulse, torque, other programs."""
 
 import re
 from dataclasses import replace

@@ -1,5 +1,4 @@
-"""Impacts as scenes: start, end, and restitution and contact time compared with an
-independent solver."""
+"""Impacts as scenes: start, end, and results of an independent solver."""
 
 from dataclasses import replace
 
@@ -20,8 +19,7 @@ TURNING = ("lattice.points=5", "lattice.seed=2", "impact.turn=0.51")
 
 
 def reference_impact(scenario, end):
-    """Return e at `end` and the contact time by DOP853 on the same lattice, with 4000
-    samples of the wall's force."""
+    """Return e at `end` and the contact time by DOP853 on the same lattice."""
     model = reference.Model(scenario.lattice, scenario.model)
     t = np.linspace(0.0, end, 4001)
     states = model.solve(scenario.lattice.positions, scenario.velocities, t, rtol=1e-8)
@@ -238,8 +236,7 @@ def test_when_it_ends_a_rod_that_bends_has_left_for_good(tmp_path, kernels):
 
 
 def assert_has_left(kernels, name, *settings):
-    """Run on for as long again, and check that the disk never touches the wall and
-    flies as fast as `run` says."""
+    """Run on as long again: the disk touches no wall and keeps its speed."""
     scenario, outcome = computed(kernels, name, *settings)
     columns = outcome.series
     steps = outcome.summary["steps"]

@@ -1,5 +1,4 @@
-"""The mouse's pull on a point: compared with DOP853, with dashpots of every strength,
-and in the energy balance."""
+"""The mouse's pull on a point, against DOP853 and in the energy balance."""
 
 import numpy as np
 import pytest

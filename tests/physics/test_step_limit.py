@@ -1,5 +1,4 @@
-"""The stability limit of the step, against matrices and oscillators; with the kernels
-in tests/validation/test_endurance.py."""
+"""The stability limit of the step, against matrices and oscillators."""
 
 from dataclasses import replace
 from functools import partial
@@ -22,8 +21,7 @@ from taichi_disk.mechanics.physics import ExponentialWall, Model, Springs
 
 
 def oscillator(integrator, angle):
-    """Return half the trace of a step of x'' = -x by h = `angle`: cos of its phase,
-    within -1..1 if stable."""
+    """Return half the trace of a step of x'' = -x: within -1..1 if stable."""
     step = np.eye(2)
     for kick, move in zip(integrator.kicks, (*integrator.moves, 0.0), strict=True):
         force = angle * (1.0 - integrator.correction * angle**2)

@@ -1,5 +1,4 @@
-"""The stress of a disk at rest under its load: what it transmits, and Hertz's pressure
-in its contact."""
+"""The stress of a disk at rest: what it transmits, and Hertz's pressure."""
 
 import numpy as np
 import pytest

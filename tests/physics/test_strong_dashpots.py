@@ -1,5 +1,4 @@
-"""Dashpots so strong that a step is longer than their relaxation time, in bodies that
-vibrate from the start."""
+"""Dashpots that relax within a step, in bodies that vibrate from the start."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,4 @@
-"""Where the energy of an impact goes: translation, rotation, vibration, and the normal
-modes."""
+"""Where the energy of an impact goes: translation, rotation and the normal modes."""
 
 from pathlib import Path
 

@@ -47,12 +47,14 @@ async function packFilm() {
     times: [3, 5.1, 7.3, 12],
     end: 10.9,
     unit: "R/c",
-    curves: [0, 1].flatMap((run) => [
-      curve(run, 0, "", [-1, -0.6, 0.1, 1.9 - 0.1 * run]),
-      curve(run, 1, "", [0, 0.01, 0.03 + 0.01 * run, -1e-6]),
-      curve(run, 2, "elastic", [0, 2e-4, 6e-4, 1e-4]),
-      curve(2 * run + 1, 2, "wall", [0, 1e-5, -3e-4, 0]),
-    ]),
+    curves: [
+      curve(0, 0, "", [-1, -0.6, 0.1, 1.9]),
+      curve(0, 1, "", [0, 0.01, 0.03, -1e-6]),
+      curve(1, 1, "", [0, 0.01, 0.04, -1e-6]),
+      curve(0, 2, "elastic", [0, 2e-4, 6e-4, 1e-4]),
+      curve(1, 2, "wall", [0, 1e-5, -3e-4, 0]),
+      curve(3, 2, "wall", [0, 1e-5, -3e-4, 0]),
+    ],
   };
   let data = new Uint8Array();
   head.runs = [0, 1].map((number) => {

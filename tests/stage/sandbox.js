@@ -218,13 +218,13 @@ function record() {
     show({ atStart: true, number: 3, status: "disturbed", warnings: [], seed: 6, loadRange: [1e-4, 0.05] });
     showState({ number: 6, wall: [-2, 0, 0, -0.2, 2, 0], forces: [8, 0, -0.01] });
   });
-  step("no wall", () => {
-    tell({ ...SCENE, wall: { kind: "none" } });
+  step("a rigid wall again", () => {
+    tell(SCENE);
     show({ number: 0 });
     showState({ number: 7, velocity: [0, 0] });
   });
 
-  look("the end of a throw", () => {
+  step("the end of a throw", () => {
     tell(SCENE);
     tell({ ...GRAPHS, ...CONTACT });
     show({ atStart: false, paused: true, number: 0, answer: "Not so high.", results: RESULTS, loadRange: [1e-3, 0.1], status: PANEL.status });

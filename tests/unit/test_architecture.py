@@ -66,8 +66,7 @@ def room_of(path):
 
 
 def is_function(node):
-    """Whether `node` is a function, and no kernel: the fields of kernels are memory for
-    all of them."""
+    """Whether `node` is a function and no kernel, whose fields are memory."""
     if not isinstance(node, ast.FunctionDef):
         return False
     decorators = {ast.unparse(each) for each in node.decorator_list}
@@ -92,8 +91,7 @@ def attributes_of_classes(nodes):
 
 
 def written_attributes(function):
-    """Yield the attributes that `function` writes, or writes into, of objects that are
-    neither its own nor made in it."""
+    """Yield the attributes that `function` writes of objects not made in it."""
     nodes = list(ast.walk(function))
     made = set()
     for node in nodes:

@@ -1,5 +1,4 @@
-"""The doctor tries a real run in another process, survives its crash, and names the
-remedy."""
+"""The doctor tries a real run in a process, survives its crash, and names a remedy."""
 
 import os
 import re

@@ -81,8 +81,7 @@ class Case:
         return self.start(scenario) if self.start else scenario
 
     def failings(self, verdict):
-        """Return the deviations from the expected end, an empty list if there are
-        none."""
+        """Return the deviations from the expected end."""
         found = []
         if verdict.end != self.end:
             found.append(f"{verdict.end}, not {self.end}: {verdict.text}")
@@ -137,8 +136,7 @@ def _light_point(scene):
 
 
 def _stiff_springs(scene):
-    """Return the scene's disk with springs of 1e6 times the stiffness at one inner
-    point."""
+    """Return the scene's disk with springs 1e6 times as stiff at one point."""
     disk, x, inside = _moved(scene)
     stiffness = np.where((disk.bonds == inside[0]).any(axis=1), 1e6, 1.0)
     own = {"triangles": disk.triangles, "stiffness": stiffness}

@@ -27,8 +27,7 @@ PARAMETERS = ("d1", "d2")
 
 
 def population(lattices):
-    """Return e (lattices, speeds) of disks of 60 points on a wall so hard that eq. (5)
-    does not hold."""
+    """Return e (lattices, speeds) on a wall so hard that eq. (5) does not hold."""
     scene = {
         "scene": "exponential_wall",
         "lattice": {"points": 60},

@@ -263,23 +263,24 @@ def chaotic_scene(number):
     a = draw.between(1000.0, 3000.0)
     v = draw.between(0.1, 0.2)
     settings = [
-        f"lattice.points={points}",
         f"lattice.seed={rng.integers(1000000)}",
-        "material.eta_star=0",
         f"impact.velocity={v}",
         f"impact.spin={draw.spin()}",
         f"impact.offset={rng.uniform(0.0, 0.03):.4f}",
-        f"wall.a={a}",
-        f"wall.V0={0.5 * a}",
         f"wall.points={2 * points}",
-        "wall.width=3.6",
-        "wall.boundary=reset",
         f"wall.threshold={max(1.5 * reach_of(a, v), 0.1):.4g}",
         f"wall.reset_interval={draw.between(0.005, 0.02)}",
         "wall.contact=smooth",
         f"wall.k_a={draw.between(0.2, 0.5)}",
     ]
-    return Scene("absorbing_wall", tuple(settings), tolerance_of(number))
+    return reset_on_hard_wall(number, points, a, settings)
+
+
+def reset_on_hard_wall(number, points, a, settings):
+    """Return an undamped impact on an elastic wall that is reset."""
+    common = ("wall.boundary=reset", "wall.width=3.6", "material.eta_star=0")
+    own = (f"lattice.points={points}", f"wall.a={a}", f"wall.V0={0.5 * a}")
+    return Scene("absorbing_wall", (*common, *own, *settings), tolerance_of(number))
 
 
 def reset_scene(number):
@@ -294,33 +295,25 @@ def reset_scene(number):
     a = draw.between(1000.0, 4000.0)
     contact = "smooth" if draw.chance(0.33) else "springs"
     settings = [
-        f"lattice.points={points}",
         f"lattice.seed={rng.integers(1000000)}",
-        "material.eta_star=0",
         f"impact.velocity={draw.between(0.03, 0.07)}",
         f"impact.offset={rng.uniform(0.0, 0.04):.4f}",
-        f"wall.a={a}",
-        f"wall.V0={0.5 * a}",
         f"wall.points={round(2.2 * points)}",
-        "wall.width=3.6",
         "wall.threshold=0.1",
-        "wall.boundary=reset",
         f"wall.contact={contact}",
         f"wall.k_a={draw.between(0.25, 0.6)}",
         f"wall.reset_interval={draw.between(0.005, 0.03)}",
     ]
-    return Scene("absorbing_wall", tuple(settings), tolerance_of(number))
+    return reset_on_hard_wall(number, points, a, settings)
 
 
 def reach_of(a, v):
-    """Return the height [R] at which the potential of a wall with V0 = a / 2 is 1e-5 of
-    the kinetic energy at the speed v."""
+    """Return the height [R] at which the wall has 1e-5 of the kinetic energy."""
     return (math.log(0.5 * a) - math.log(5e-6) - 2.0 * math.log(v)) / a
 
 
 def custom_body(disk, aspect, seed):
-    """Return an ellipse made of a disk's lattice, with masses and springs unequal by up
-    to a factor of 2."""
+    """Return an ellipse of a disk's lattice with masses and springs unequal."""
     rng = np.random.default_rng([36, seed])
     n = disk.disk_points
     positions = disk.positions.copy()
@@ -342,8 +335,7 @@ def custom_body(disk, aspect, seed):
 
 
 class ShortOnly:
-    """A kernel cache that refuses scenes with possibly more than `most_work`, springs
-    times steps up to `max_time`."""
+    """A kernel cache that refuses scenes of more than `most_work`."""
 
     compile_seconds = 0.0
     max_time = math.inf
@@ -359,8 +351,7 @@ class ShortOnly:
 
 
 def fate(number, kernels):
-    """Run a wild scene, and return how it ended, and a fault that no scene may have (""
-    if there is none)."""
+    """Run a wild scene, and return how it ended and its fault, "" if none."""
 
     def prepare():
         scene = wild_scene(number)

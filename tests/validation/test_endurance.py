@@ -97,8 +97,7 @@ def test_steps_above_the_limit_alone_blow_up(integrator, eta_star, pressed, kern
 
 
 def wander(simulation, rest, steps):
-    """Return the energy in `steps` steps, relative to the energy above that of `rest`
-    and to its mean."""
+    """Return the energy less its mean, over the energy above that of `rest`."""
     scale = simulation.first_row[ENERGY_INDICES].sum() - rest
     rows = simulation.advance(steps, steps // ROWS)[0]
     energy = rows[:, ENERGY_INDICES].sum(axis=1) / scale

@@ -1,5 +1,4 @@
-"""Taichi Forge, which runs where Taichi has no wheels, gives bitwise the same results
-and films."""
+"""Taichi Forge, which runs where Taichi does not, gives the same bits and films."""
 
 import json
 import os
@@ -31,8 +30,7 @@ pytestmark = pytest.mark.validate
 
 @pytest.fixture(scope="module")
 def fork(tmp_path_factory):
-    """Return a Python in its own environment, with all packages of this one and the
-    fork, but without Taichi."""
+    """Return a Python with all packages of this one and the fork, no Taichi."""
     folder = tmp_path_factory.mktemp("fork")
     subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
     python = str(folder / "bin" / "python")

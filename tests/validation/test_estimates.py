@@ -1,5 +1,4 @@
-"""Random scenes with known results: tolerances are kept, and the error estimates of
-runs hold."""
+"""Random scenes with known results: tolerances are kept, error estimates hold."""
 
 import pytest
 
@@ -31,8 +30,7 @@ def is_small_with_friction(number):
 
 
 def assert_claims_hold(found, share):
-    """Check that most results can be judged, and that at least a `share` of these
-    holds."""
+    """Check that most results are judged, and that a `share` of these holds."""
     judged = [judgement for judgement in found if judgement.end in ("held", "exceeded")]
     held = [judgement for judgement in judged if judgement.end == "held"]
     assert len(judged) > 0.8 * len(found)

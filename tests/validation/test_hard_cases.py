@@ -1,5 +1,4 @@
-"""Every scene ends: done with a closed energy balance, or stopped with the reason and a
-remedy."""
+"""Every scene ends: done with a closed balance, or stopped with reason and remedy."""
 
 from collections import Counter
 

@@ -1,5 +1,4 @@
-"""Intervals of fits contain the true values, and laws are refuted, as often as
-docs/numerics.md says."""
+"""Fits' intervals hold, and laws are refuted, as often as docs/numerics.md says."""
 
 import pytest
 

@@ -22,8 +22,7 @@ ROUGH = 0.3  # decay lengths per step from which the true result itself may be u
 
 
 def at_rest(lattice, model, start):
-    """Return positions (n, 2) near `start` at which all forces vanish. Raises
-    SimulationError if there are none."""
+    """Return positions (n, 2) near `start` at which all forces vanish."""
     from scipy.optimize import root
 
     def force(y):
@@ -77,8 +76,7 @@ def true_result(scenario, outcome, tolerance):
 
 
 def refined(outcome, finest):
-    """Return each result at 1/`finest` of the step of a run, and its difference from
-    that at twice the step."""
+    """Return each result at 1/`finest` of the step, and its last difference."""
     scenario = outcome.scenario
     found = []
     rows = scenario.row_interval / ROWS

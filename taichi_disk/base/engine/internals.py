@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 PATCHED = (1, 7, 4)  # the private functions of other versions may differ
-PACKAGE = Path(__file__).parents[2].name
 OWN_FILES = str(Path(__file__).parents[2]) + os.sep
 # lists of the fields that were declared since the last launch of a kernel
 DECLARED = ("global_vars", "grad_vars", "dual_vars", "matrix_fields")
@@ -134,7 +133,7 @@ def patch(ti: Any) -> None:
 
     def is_in_class(level_of_class_stackframe: int) -> bool:
         frame = sys._getframe(level_of_class_stackframe - 1)
-        if not frame.f_globals.get("__name__", "").startswith(f"{PACKAGE}."):
+        if not frame.f_code.co_filename.startswith(OWN_FILES):
             return bool(searched_class(level_of_class_stackframe + 1))
         return "__qualname__" in frame.f_locals
 

@@ -21,7 +21,7 @@ def apexes(columns: Columns) -> list[int]:
     v = columns["com_vy"]
     is_high = columns["com_y"] > columns["com_y"][0]
     falls = (v[:-1] > 0.0) & (v[1:] <= 0.0) & is_high[1:]
-    return [int(row) for row in np.flatnonzero(falls) + 1]
+    return (np.flatnonzero(falls) + 1).tolist()
 
 
 def flights(columns: Columns) -> list[int]:
@@ -63,12 +63,13 @@ class Contact:
         self._columns = columns
         t = columns["t"]
         force = columns["wall_force"]
+        level = CONTACT_LEVEL * force.max()
+        self._touches = force >= level
         if not force.any():
-            turned = int(np.argmax(columns["com_vy"] > 0.0))
+            turned = np.argmax(columns["com_vy"] > 0.0)
             self.start = float(t[turned - 1])
             self.end = float(t[turned])
             return
-        level = CONTACT_LEVEL * force.max()
         # above the level, as a logarithm
         height = np.log(np.maximum(force, 1e-300)) - np.log(level)
 
@@ -78,19 +79,13 @@ class Contact:
             return float(t[i] + duration * height[i] / (height[i] - height[i + 1]))
 
         inside = np.flatnonzero(self._touches)
-        first = int(inside[0])
-        last = int(inside[-1])
+        first, last = inside[[0, -1]]
         self.start = float(t[0])
         self.end = float(t[-1])
         if first > 0:
             self.start = crossing(first - 1)
         if last + 1 < len(t):
             self.end = crossing(last)
-
-    @property
-    def _touches(self) -> Array:
-        force = self._columns["wall_force"]
-        return force >= CONTACT_LEVEL * force.max()
 
     @property
     def first_sample(self) -> float:
@@ -108,11 +103,11 @@ class Contact:
         elastic = self._columns["elastic"]
         touches = self._touches
         stored = elastic * touches
-        stored_before_contact = elastic[: int(touches.argmax())].max(initial=0.0)
+        stored_before_contact = elastic[: touches.argmax()].max(initial=0.0)
         row = stored.argmax()
         if stored_before_contact > STRETCHED * stored.max():
             row = self._columns["com_y"].argmin()
-        return float(self._columns["t"][int(row)])
+        return float(self._columns["t"][row])
 
     # ---- what is measured at its end
 

@@ -55,12 +55,12 @@ def summary(scenario: Scenario, columns: Columns) -> dict[str, Any]:
     return found
 
 
-def unacceptable(scenario: Scenario, columns: Columns) -> str | None:
+def unacceptable(scenario: Scenario, columns: Columns) -> str:
     lost, _ = relative_imbalance(scenario, columns)
     tolerance = scenario.scene.time.tolerance
     allowed = MAX_IMBALANCE if tolerance == "none" else max(MAX_IMBALANCE, tolerance)
     if abs(lost) <= allowed:
-        return None
+        return ""
     return (
         f"the energy imbalance at the end is {lost:+.2g}, more than {allowed:g}: the"
         " step is too long for this motion; set time.dt: auto, with time.safety: 0.1"
@@ -91,7 +91,7 @@ def inside_out(columns: Columns) -> str:
 
 
 def _sliding(scenario: Scenario, columns: Columns) -> str:
-    loss = float(np.abs(columns["sliding"]).max())
+    loss = np.abs(columns["sliding"]).max()
     fraction = loss / scenario.energy_scale(columns)
     if fraction <= MAX_IMBALANCE:
         return ""
@@ -116,7 +116,7 @@ def energy_gained(scenario: Scenario, columns: Columns, error: float | None) -> 
         error = MAX_IMBALANCE
     if restitution <= 1.0 + error:
         return {}
-    flight = 0.5 * float(columns["com_vy"][0]) ** 2  # the mass is 1 M
+    flight = 0.5 * columns["com_vy"][0] ** 2  # the mass is 1 M
     stored = {
         "spin": columns["rotation"],
         "flight along the wall": 0.5 * columns["com_vx"] ** 2,
@@ -125,9 +125,7 @@ def energy_gained(scenario: Scenario, columns: Columns, error: float | None) -> 
     for name in of_kind("loss"):
         if columns[name].any():
             stored[BY_NAME[name].label] = columns[name]
-    return {
-        name: float(energy[0] - energy[-1]) / flight for name, energy in stored.items()
-    }
+    return {name: (energy[0] - energy[-1]) / flight for name, energy in stored.items()}
 
 
 def parts_text(gained: Numbers) -> str:
@@ -168,7 +166,7 @@ def _rotation_lost(scenario: Scenario, columns: Columns) -> str:
         return ""
     t = columns["t"]
     spin = columns["angular_momentum"]
-    flight_speed = float(np.hypot(columns["com_vx"][0], columns["com_vy"][0]))
+    flight_speed = np.hypot(columns["com_vx"][0], columns["com_vy"][0])
     least = MIN_SPIN * flight_speed  # the mass is 1 M
     contact = Contact(columns)
     flights = {"before the contact": (t[0], contact.start)}
@@ -204,8 +202,8 @@ class EnergyBalance:
             # twice the depth that the potential permits
             potential = max(self.total, elastic.V0)
             self._max_depth = elastic.corner_depth - 2.0 * elastic.height_of(potential)
-        self._load = float(start[INDEX["load"]])
-        self._largest = float(self._size(start[None])[0])
+        self._load = start[INDEX["load"]]
+        self._largest = self._size(start[None])[0]
 
     def first_lost(self, rows: Array) -> int | None:
         """Return the index of the first invalid row of the new `rows` (rows, columns),
@@ -220,7 +218,7 @@ class EnergyBalance:
             is_valid &= rows[:, INDEX["depth"]] <= self._max_depth
         if not is_valid.all():
             return int(is_valid.argmin())
-        self._largest = float(largest[-1])
+        self._largest = largest[-1]
         return None
 
     def _size(self, rows: Array) -> Array:
@@ -280,7 +278,7 @@ def explained(scenario: Scenario, dt: float, part: float, x: Array, lost: str) -
     """
     lattice = scenario.lattice
     strain = scenario.model.springs.strain(lattice, x)
-    worst = int(np.abs(strain).argmax())
+    worst = np.abs(strain).argmax()
     i, j = lattice.bonds[worst]
     auto = ""
     if scenario.scene.time.dt != "auto":

@@ -120,7 +120,7 @@ class Driver:
 
     def _steps_of_a_launch(self) -> int:
         springs = SPRINGS_PER_LAUNCH
-        if self.simulation.subdomains > 1:
+        if self.simulation.arrangement.subdomains > 1:
             springs = SPRINGS_PER_CHECK
         springs_of_a_step = (
             len(self.scenario.lattice.bonds) * self.step.integrator.forces
@@ -187,7 +187,7 @@ class Driver:
         else:
             self.state = state
             self.row = simulation.now
-            if self.can_end and self.settled_rows >= self.needed_rows:
+            if self.settled_rows >= needed:
                 self._end_if_settled()
 
     def _end_if_settled(self) -> None:
@@ -241,7 +241,7 @@ class Driver:
         self.count = 1 + state.step // self.stride
         is_inside = within(self.rows[1:], self.bounds)
         last_outside = np.flatnonzero(is_inside == 0.0).max(initial=-1)
-        rows_inside = len(is_inside) - 1 - int(last_outside)
+        rows_inside = len(is_inside) - 1 - last_outside
         self.settled_rows = min(rows_inside, self.needed_rows - 1)
         self.balance = EnergyBalance(self.rows[0], self.scenario.model.elastic)
         self.balance.first_lost(self.rows)

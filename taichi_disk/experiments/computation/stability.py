@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf, sqrt
 
 import numpy as np
 
@@ -62,7 +63,7 @@ def spectrum(lattice: Lattice, model: Model) -> Spectrum:
     damping = 0.0
     if model.springs.damped:
         damping = largest_eigenvalue(laplacian(lattice), masses)
-    omega = float(np.sqrt(largest_eigenvalue(stiffness, masses)))
+    omega = sqrt(largest_eigenvalue(stiffness, masses))
     return Spectrum(omega, damping, float(masses.min()), len(lattice.positions))
 
 
@@ -74,7 +75,7 @@ def step_limit(
     added = 0.0
     if model.wall:
         added = model.wall.added_stiffness(point_force) / spectrum.mass
-    omega = float(np.sqrt(spectrum.omega**2 + added))
+    omega = sqrt(spectrum.omega**2 + added)
     if model.springs.damped and integrator.dashpots == "explicit":
         return explicit_limit(omega, model.springs.eta * spectrum.damping)
     return integrator.stable / omega
@@ -88,7 +89,7 @@ def explicit_limit(omega: float, damping: float) -> float:
     # z^2 + (1 - 2 g) z + g/2 = 0. By Jury's criterion its roots lie within the unit
     # circle while W + 4 g < 4, so that the highest frequency and the highest rate bound
     # all modes.
-    return float(2.0 / (damping + np.sqrt(damping**2 + omega**2)))
+    return 2.0 / (damping + sqrt(damping**2 + omega**2))
 
 
 def reset_step(
@@ -102,13 +103,13 @@ def reset_step(
     # implicit ones it is a quarter of that, and rates above 1/(3 interval) have no
     # further effect.
     if not (model.reset_interval and model.springs.damped):
-        return np.inf
+        return inf
     part = 0.015
     rate = model.springs.eta * spectrum.damping
     if integrator.dashpots == "implicit":
         part = 0.004
         rate = min(rate, 1.0 / (3.0 * model.reset_interval))
-    return float(np.sqrt(error / (part * rate * spectrum.omega)))
+    return sqrt(error / (part * rate * spectrum.omega))
 
 
 def impact_point_force(lattice: Lattice, model: Model, velocity: float) -> float:
@@ -125,7 +126,7 @@ def impact_point_force(lattice: Lattice, model: Model, velocity: float) -> float
         xi = min(velocity * np.sqrt(logarithm / (np.pi * e_star)), 1.0)
     contact_force = np.pi * e_star * xi / np.log(4.0 / xi)
     hardness = 1.0 / model.wall.decay_length
-    force_on_lone_point = 0.5 * hardness * float(lattice.masses.max()) * velocity**2
+    force_on_lone_point = 0.5 * hardness * lattice.masses.max() * velocity**2
     force_on_point = contact_point_force(lattice, model, contact_force)
     return max(force_on_point, force_on_lone_point)
 
@@ -142,4 +143,4 @@ def contact_point_force(lattice: Lattice, model: Model, force: float) -> float:
     peak = ROUGHNESS * force / np.sqrt(2.0 * np.pi * variance)  # [M c^2/R^2]
     surface = lattice.positions[lattice.disk_surface]
     chords = np.hypot(*(surface - np.roll(surface, 1, axis=0)).T)
-    return float(min(force, peak * chords.max()))
+    return min(force, peak * chords.max())

@@ -63,11 +63,15 @@ class Key:
     high: float = 0
     step: float = 0  # numbers must be multiples of it, unless it is 0
 
+    @property
+    def is_file(self) -> bool:
+        return self.kind is str and not self.words
+
     def accepts(self, value: Any) -> bool:
         """Return whether the key may have this value. A whole number may be a float, as
         in tables of pandas and ranges of NumPy."""
         if isinstance(value, str):
-            if self.kind is str and not self.words:
+            if self.is_file:
                 return _is_file_name(value)
             return value in self.words
         if self.kind is bool:

@@ -412,11 +412,10 @@ def _parents(
 def shipped_scenes() -> dict[str, Path]:
     """Return the paths of the shipped scenes by their names."""
     package = Path(__file__).parents[2]
-    scenes = {}
+    scenes: dict[str, Path] = {}
     # A source checkout has the files in its top folder; an installed package contains
     # them, and they count if both exist.
     for folder in (package.parent / "scenes", package / "scene_library"):
-        for path in sorted(folder.glob("[!.]*.yaml")):
-            if path.is_file():
-                scenes[path.stem] = path
+        paths = sorted(folder.glob("[!.]*.yaml"))
+        scenes |= {path.stem: path for path in paths}
     return scenes

@@ -11,6 +11,7 @@ from typing import Any, TypeAlias, get_args
 
 from taichi_disk.experiments.config.tree import (
     Source,
+    Tree,
     read_tree,
     shipped_scenes as shipped_scenes,
 )
@@ -36,7 +37,14 @@ def load_scene(source: Source, overrides: str | Sequence[str] = ()) -> Scene:
     Raises:
         InputError: lists all faults, each as file:line:column: key: what is wrong.
     """
-    return _load(source, overrides, "scene")
+    tree = read_tree(source, overrides)
+    if "sweep" in tree.value:
+        what = (
+            "this scene has a sweep: compute it with `taichi-disk sweep`, or leave this"
+            " section out"
+        )
+        tree.fault(tree.entries[("sweep",)].key, ("sweep",), what)
+    return _checked(tree)
 
 
 def load_sweep(source: Source, overrides: str | Sequence[str] = ()) -> Sweep:
@@ -46,29 +54,26 @@ def load_sweep(source: Source, overrides: str | Sequence[str] = ()) -> Sweep:
     "sweep.key=[...]" in `overrides` sets the values of an axis. If `sweep:` is a list
     of sections, it sets the axis in each of them.
     """
-    return _load(source, overrides, "sweep")
+    tree = read_tree(source, overrides)
+    if "sweep" not in tree.value:
+        what = (
+            "there is no sweep: section: compute a single scene with `taichi-disk run`,"
+            " or add one, for example `sweep: {seed: {range: 8}}`"
+        )
+        tree.fault(tree.entries[()].value, (), what)
+    return _checked(tree)
 
 
 def load_any(source: Source, overrides: str | Sequence[str] = ()) -> Scene | Sweep:
-    return _load(source, overrides, "any")
+    return _checked(read_tree(source, overrides))
 
 
-def _load(source: Source, overrides: str | Sequence[str], want: str) -> Any:
-    tree = read_tree(source, overrides)
-    has_sweep = "sweep" in tree.value
-    if has_sweep and want == "scene":
-        what = (
-            "this scene has a sweep: compute it with `taichi-disk sweep`, or leave this"
-            " section out"
-        )
-        tree.fault(tree.entries[("sweep",)].key, ("sweep",), what)
-    if not has_sweep and want == "sweep":
-        what = (
-            "there is no sweep: section: compute a single scene with `taichi-disk run`,"
-            " or add one, for example "
-        )
-        tree.fault(tree.entries[()].value, (), what + "`sweep: {seed: {range: 8}}`")
-    found = check_sweep(tree, SCENES) if has_sweep else check(tree, SCENES)
+def _checked(tree: Tree) -> Any:
+    """Return the scene or the sweep of a tree."""
+    if "sweep" in tree.value:
+        found: Any = check_sweep(tree, SCENES)
+    else:
+        found = check(tree, SCENES)
     tree.refuse()
     return found
 

@@ -167,11 +167,11 @@ class AbsorbingWallScene(ImpactScene):
     def start_offset(self, gap: float) -> float:
         if self.impact.offset == "auto":
             return -gap * tan(self.impact.angle)
-        return float(self.impact.offset)
+        return self.impact.offset
 
     def view(self, lattice: Lattice, gap: float) -> tuple[float, float, float, float]:
         half = max(0.5 * self.wall.width, 1.1)
-        bottom = float(lattice.positions[:, 1].min())
+        bottom = lattice.positions[:, 1].min()
         return -half - 0.05, half + 0.05, bottom - 0.05, 2.0 + gap
 
     def model_of(self, lattice: Lattice, springs: Springs) -> Model:

@@ -94,9 +94,9 @@ class CompressionScene(DiskScene):
         lattice = place_on_wall(disk, rest.roll, wall, TOUCH * pressure)
         limit = self.compression.max_time
         if limit == "auto":
-            limit = float(5000.0 * springs.time_unit)
+            limit = 5000.0 * springs.time_unit
         x, y = lattice.positions.T
-        reach = max(1.15, 0.1 + float(np.abs(x).max()))
+        reach = max(1.15, 0.1 + np.abs(x).max())
         kind = Compression
         if self.compression.method == "newton":
             kind = Loading
@@ -109,9 +109,9 @@ class CompressionScene(DiskScene):
             # the load.
             point_force=contact_point_force(lattice, model, 2.0 * pressure),
             max_time=limit,
-            sample_interval=float(0.1 * springs.time_unit),
-            quiet_time=float(20.0 * springs.time_unit),
-            view=(-reach, reach, -0.1, max(2.05, float(y.max()))),
+            sample_interval=0.1 * springs.time_unit,
+            quiet_time=20.0 * springs.time_unit,
+            view=(-reach, reach, -0.1, max(2.05, y.max())),
             rest=rest,
             unloaded=depth(lattice, lattice.positions),
         )
@@ -212,7 +212,7 @@ class Compression(Scenario):
         t = columns["t"]
         spin = columns["angular_momentum"]
         distance = columns["com_y"] - columns["lowest_y"]
-        before = int(np.searchsorted(t, t[-1] - self.quiet_time))
+        before = np.searchsorted(t, t[-1] - self.quiet_time)
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = spin[-1] / spin[before]
         remaining = 0.0

@@ -6,7 +6,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import inf, isclose
+from math import inf, isclose, sqrt
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -90,9 +90,9 @@ MEASURED = {
     ),
     **oblique.MEASURED,
     "vibration_left": (
-        "kinetic and elastic energy of vibration at the end of the last contact, minus"
-        " that at the start, over the energy of the flight before; a spin stretches the"
-        " disk, which counts as vibration"
+        "kinetic and elastic energy of vibration at the end of the last contact (of the"
+        " run, without losses), minus that at the start, over the energy of the flight"
+        " before; a spin stretches the disk, which counts as vibration"
     ),
 }
 
@@ -142,12 +142,12 @@ class ImpactScene(DiskScene):
 
     def thrown_with(self, body: Lattice, velocities: Array) -> Self:
         super().thrown_with(body, velocities)
-        along, up = (float(body.mean(one)) for one in velocities.T)
+        along, up = (body.mean(one) for one in velocities.T)
         if not up < 0.0:
             raise InputError(
                 f"velocities: their mean must point down, to the wall, not {up:+g} c"
             )
-        speed = float(np.hypot(along, up))
+        speed = np.hypot(along, up)
         angle = float(np.arctan2(along, -up))
         # A scene that throws a disk so, but for rounding, stays as it is.
         is_speed = isclose(speed, self.impact.velocity, rel_tol=1e-12)
@@ -196,8 +196,8 @@ class ImpactScene(DiskScene):
             wall_step=RESOLVED * (self.wall.decay_length / velocity),
             shape=shape,
             gap=gap,
-            speed_before=float(np.sqrt(velocity**2 + 2.0 * potential)),
-            surface=float(lattice.mean(lattice.positions)[1]) - fall,
+            speed_before=sqrt(velocity**2 + 2.0 * potential),
+            surface=lattice.mean(lattice.positions)[1] - fall,
         )
 
     @abstractmethod
@@ -217,25 +217,27 @@ class ImpactScene(DiskScene):
     def view(self, lattice: Lattice, gap: float) -> tuple[float, float, float, float]:
         """Return (xmin, xmax, ymin, ymax) of the film [R]."""
         # about the path along the wall, there and back
-        contact = gap * float(np.tan(self.impact.angle))
+        contact = gap * np.tan(self.impact.angle)
         path = [0.0, 3.0 * contact]
-        if self.wall.friction:  # by which a spin that rolls turns into motion
+        # Friction turns spin into motion along the wall: 1.0 of it if the disk rolls,
+        # up to 1.5 if the contact springs back.
+        if self.wall.friction:
             rolling = (2.0 * self.impact.along - self.impact.spin) / 3.0
-            path.append(contact + 1.2 * gap * rolling / self.impact.towards)
+            path.append(contact + 1.7 * gap * rolling / self.impact.towards)
         x, y = lattice.positions[: lattice.disk_points].T
         # the same for each turn of a disk, whose centre of mass is not quite its middle
-        reach = max(1.1, 0.08 + float(np.abs(x).max()))
+        reach = max(1.1, 0.08 + np.abs(x).max())
         top = max(2.0 + gap, 2.0 + self.impact.rise, y.max())
-        return min(path) - reach, max(path) + reach, -0.1, float(top)
+        return min(path) - reach, max(path) + reach, -0.1, top
 
     def _shape(self, body: Lattice, springs: Springs) -> Shape:
         disk = disk_of(body)
         distance = np.hypot(*(disk.positions - disk.mean(disk.positions)).T)
-        radius = float(distance.max())
+        radius = distance.max()
         shape = Shape(
             radius=radius,
             inertia=float(disk.mean(distance**2)),
-            outline_depth=radius - float(distance[disk.disk_surface].min()),
+            outline_depth=radius - distance[disk.disk_surface].min(),
             compliance=1.0 / self.softer_k_a,
         )
         if shape.is_round and disk.whole and disk.stiffness is None:
@@ -290,7 +292,7 @@ class ImpactScene(DiskScene):
         """Return the time limit [R/c]. The default is long enough for the flight to the
         wall, ten contacts, and a flight away at e = 0.05."""
         if self.impact.max_time != "auto":
-            return float(self.impact.max_time)
+            return self.impact.max_time
         # A contact takes pi sqrt(ln(4 c/v)) R/c by Hertz's law. A body that is not
         # round has left when none of its corners reaches down to the wall.
         velocity = self.impact.towards
@@ -328,7 +330,7 @@ class ImpactScenario(Scenario):
     @property
     def velocity(self) -> float:
         """Initial velocity v of the centre of mass towards the wall [c]."""
-        return float(self.scene.impact.towards)
+        return self.scene.impact.towards
 
     @property
     def kinetic(self) -> float:
@@ -354,7 +356,7 @@ class ImpactScenario(Scenario):
         # except flight and spin: 1.4 to 2.3 times the measured amplitude of the rim. A
         # rod bends more. A disk that turns faster than it rises must clear the wall
         # entirely.
-        last = {name: float(values[-1]) for name, values in columns.items()}
+        last = {name: values[-1] for name, values in columns.items()}
         rising = last["com_vy"]
         impact = self.scene.impact
         if self.falls_back:
@@ -375,7 +377,7 @@ class ImpactScenario(Scenario):
             lowest = min(lowest, last["com_y"] - self.shape.radius)
         if rising <= 0.0:
             return inf
-        return float(max(clear - lowest, 0.0)) / rising
+        return max(clear - lowest, 0.0) / rising
 
     def unfinished(self, columns: Columns) -> str:
         if self.falls_back:
@@ -396,7 +398,7 @@ class ImpactScenario(Scenario):
         last = far = 0.0
         if not self.falls_back:  # an apex is far from the wall
             last = float(columns["com_vy"][-1])
-            far = float(np.sqrt(last**2 + 2.0 * max(columns["wall"][-1], 0.0)))
+            far = sqrt(last**2 + 2.0 * max(columns["wall"][-1], 0.0))
         gained = self.speed_before - self.velocity + far - last
         return POTENTIAL_CAUTION * gained / self.velocity
 
@@ -413,7 +415,7 @@ class ImpactScenario(Scenario):
     def sensitivity(self) -> float:
         # The work of the spin on the flight is of the order of the geometric mean of
         # the two energies.
-        return float(np.sqrt(self.reference_energy / self.kinetic))
+        return sqrt(self.reference_energy / self.kinetic)
 
     def result(self, columns: Columns) -> Numbers:
         contact = Contact(columns)
@@ -462,11 +464,10 @@ class ImpactScenario(Scenario):
             moment = " after the last"
         energies = split(columns, self.shape.inertia)
         whole = energies["kinetic"][0]
-        shares = {}
-        for name in reversed(of_kind("loss")):
-            shares[f"{BY_NAME[name].label} took {{:.2g}} %"] = (
-                energies[name][-1] / whole
-            )
+        shares = {
+            f"{BY_NAME[name].label} took {{:.2g}} %": energies[name][-1] / whole
+            for name in reversed(of_kind("loss"))
+        }
         ringing = energies["vibration"][-1] + energies["elastic"][-1]
         shares["{:.2g} % still rings"] = ringing / whole
         parts = [

@@ -48,7 +48,7 @@ class Equilibria:
 
     def interpolated(self, times: Array) -> Iterator[State]:
         for t in np.clip(times, self.fractions[0], 1.0).tolist():
-            k = max(int(np.searchsorted(self.fractions, t)), 1)
+            k = max(np.searchsorted(self.fractions, t), 1)
             before = self.fractions[k - 1]
             weight = (t - before) / (self.fractions[k] - before)
             x = (1.0 - weight) * self.states[k - 1] + weight * self.states[k]
@@ -81,8 +81,10 @@ def quasistatic(scenario: Any, loads: int, progress: Progress) -> Outcome:
         path.states.insert(0, path.under(fraction, path.states[0]))
         progress("simulate", len(path.states), loads)
 
-    rows = []
-    for fraction, x in zip(fractions, path.states, strict=True):
+    columns = {name: np.zeros(loads) for name in (*INDEX, "xi")}
+    columns["t"] = fractions
+    for k, fraction in enumerate(fractions):
+        x = path.states[k]
         # Compare with the unloaded disk in the same orientation, because the disk rolls
         # a little as the load grows.
         unloaded = turned(lattice.positions, roll_angle(lattice.positions, x))
@@ -98,10 +100,8 @@ def quasistatic(scenario: Any, loads: int, progress: Progress) -> Outcome:
             "inverted": inverted_triangles(lattice, x),
             "wall": model.wall.energy(lattice, x),
         }
-        rows.append(row)
-    columns = {name: np.zeros(loads) for name in INDEX} | {"t": fractions}
-    for name in rows[0]:
-        columns[name] = np.array([one[name] for one in rows], float)
+        for name, value in row.items():
+            columns[name][k] = value
     columns["load"] = fractions * model.load.force * columns["com_y"]
     columns["total"] = columns["elastic"] + columns["wall"] + columns["load"]
     warnings = [text for text in [inside_out(columns)] if text]

@@ -57,24 +57,22 @@ def along_the_wall(columns: Columns, outline: Array, inertia: float) -> Numbers:
     vx = columns["com_vx"]
     vy = columns["com_vy"]
     spin = columns["angular_momentum"]
-    tangential_impulse = float(vx[-1] - vx[0])
     # After the last contact only the moment of the wall's tangential impulse changes
     # the rotation.
-    late_impulse = float(vx[-1] - np.interp(end, t, vx))
-    arm = float(np.interp(end, t, columns["com_y"] - columns["lowest_y"]))
-    spin_before = float(spin[0]) / inertia
-    spin_after = (float(np.interp(end, t, spin)) + arm * late_impulse) / inertia
+    late_impulse = vx[-1] - np.interp(end, t, vx)
+    arm = np.interp(end, t, columns["com_y"] - columns["lowest_y"])
+    spin_before = spin[0] / inertia
+    spin_after = (np.interp(end, t, spin) + arm * late_impulse) / inertia
     found = {}
     height = _height_at_contact(columns, outline, inertia)
-    before = float(vx[0]) + spin_before * height
-    if abs(before) > MIN_TANGENTIAL * float(np.hypot(vx[0], vy[0])):
-        after = float(vx[-1]) + spin_after * height
+    before = vx[0] + spin_before * height
+    if abs(before) > MIN_TANGENTIAL * np.hypot(vx[0], vy[0]):
+        after = vx[-1] + spin_after * height
         found["tangential_restitution"] = -after / before
-    return found | {
-        "spin_after": spin_after,
-        "tangential_impulse": tangential_impulse,
-        "normal_impulse": float(vy[-1] - vy[0]),
-    }
+    found["spin_after"] = spin_after
+    found["tangential_impulse"] = vx[-1] - vx[0]
+    found["normal_impulse"] = vy[-1] - vy[0]
+    return {name: float(number) for name, number in found.items()}
 
 
 def _height_at_contact(columns: Columns, outline: Array, inertia: float) -> float:
@@ -82,17 +80,17 @@ def _height_at_contact(columns: Columns, outline: Array, inertia: float) -> floa
     body [R], turned as the body is when it meets the wall."""
     t = columns["t"]
     start = Contact(columns).start
-    mean_spin = float(columns["angular_momentum"][t <= start].mean()) / inertia
+    mean_spin = columns["angular_momentum"][t <= start].mean() / inertia
     angle = mean_spin * start
     x, y = outline.T
-    return -float((sin(angle) * x + cos(angle) * y).min())
+    return -(sin(angle) * x + cos(angle) * y).min()
 
 
 def scales_along_the_wall(columns: Columns, outline: Array, inertia: float) -> Numbers:
     """Return the largest error of each of LABELS if the normal impulse has a relative
     error of 1. Arguments as for `along_the_wall`."""
     vx, vy, spin = (
-        float(columns[name][0]) for name in ("com_vx", "com_vy", "angular_momentum")
+        columns[name][0] for name in ("com_vx", "com_vy", "angular_momentum")
     )
     height = _height_at_contact(columns, outline, inertia)
     spin_per_impulse = height / inertia
@@ -106,7 +104,7 @@ def scales_along_the_wall(columns: Columns, outline: Array, inertia: float) -> N
         scales["tangential_restitution"] = (
             TANGENTIAL_FACTOR * (1.0 + spin_per_impulse * height) / tangential_speed
         )
-    return {name: abs(vy) * scale for name, scale in scales.items()}
+    return {name: float(abs(vy) * scale) for name, scale in scales.items()}
 
 
 def start_gap(

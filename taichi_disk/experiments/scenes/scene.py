@@ -45,8 +45,7 @@ if TYPE_CHECKING:
 Home: TypeAlias = tuple[str, str]  # section and key
 Value: TypeAlias = bool | int | float | str
 
-# keys that name files, and keys without a meaning for an outline
-FILE_KEYS = (("lattice", "file"), ("lattice", "outline"), ("lattice", "velocities"))
+# keys without a meaning for an outline
 CIRCLE_KEYS = ("rim", "hole", "core_radius", "core_stiffness", "core_density")
 MAX_VELOCITY = 100.0  # largest velocity component of a point at the start [c]
 
@@ -434,7 +433,7 @@ def _value(kind: str, path: Keys, value: Any, tree: Tree, kinds: Kinds) -> Any:
             hint = "; several values are a sweep: write them in the section sweep"
         what = f"must be {key.allowed()}, not {entry.shown}{hint} ({key.meaning})"
         tree.fault(entry.value, path, what)
-    elif path in FILE_KEYS and value != "none":
+    elif key.is_file and value != "none":
         # On the command line a path is relative to the working directory, in a scene
         # file to the folder of that file.
         folder = tree.folder

@@ -132,11 +132,12 @@ def _axes(
                 f"no key of scene: {tree.value['scene']} that can be swept{hint}",
             )
             continue
+        section, key = home
         given = tree.entries.get(home)
         is_override = mark.rank > 0
         if given and is_override and given.key.rank == 0:
             # An option replaces what the file says, as for single values.
-            tree.remove(*home)
+            tree.remove(section, key)
         if home in tree.entries or home in taken:
             other = taken.get(home, "the scene")
             tree.fault(
@@ -145,7 +146,6 @@ def _axes(
                 f"{'.'.join(home)} is also given by {other}: leave one of the two out",
             )
         taken[home] = name
-        section, key = home
         whole = kind.sections()[section].schema()[key].kind is int
         axes[name] = Axis(home, _values(spec, path, whole, tree))
     return axes

@@ -327,7 +327,7 @@ def smooth_stress(triangles: Triangles, springs: Springs, x: Array) -> Array:
     # Without smoothing, the scatter between points of a random lattice exceeds one
     # fringe. Each average over six neighbours adds 3/7 of the squared spacing to the
     # variance along x and y.
-    spacing = float(np.median(triangles.lattice.rest_lengths))
+    spacing = np.median(triangles.lattice.rest_lengths)
     averages = round(SMOOTHING**2 / (3.0 / 7.0 * spacing**2))
     passes = min(max(averages, 1), MAX_PASSES)
     return triangles.smoothed(point_stress(triangles, springs, x), passes)

@@ -363,7 +363,7 @@ def tiled(points: Array, triangles: Long, bonds: Long | None = None) -> Lattice:
     bonds = np.sort(bonds, axis=1)
     i, j = bonds.T
     bonds = bonds[np.argsort(i * n + j)]
-    surface = np.roll(surface, -int(np.argmin(surface)))
+    surface = np.roll(surface, -np.argmin(surface))
     return Lattice(
         positions=points,
         bonds=bonds.astype(np.int32),
@@ -382,7 +382,7 @@ def outline_of(points: Array, triangles: Long) -> Long:
     """
     n = len(points)
     side, first, count = distinct_sides(triangles, n)
-    area = 0.5 * float(double_area(points[triangles]).sum())
+    area = 0.5 * double_area(points[triangles]).sum()
 
     def ring_area(ring: Long) -> float:
         return polygon_area(points[ring])

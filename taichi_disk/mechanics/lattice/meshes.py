@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from taichi_disk.base.errors import InputError, install_extra, pip_install, printable
+from taichi_disk.base.errors import InputError, install_extra, printable, reason
 from taichi_disk.base.processes.pool import Pool, result_of
 from taichi_disk.mechanics.lattice.triangles import Array, Long
 
@@ -77,16 +77,16 @@ def _read(path: Path) -> Any:
         with redirect_stdout(printed), redirect_stderr(printed):
             return meshio.read(path)
     except ModuleNotFoundError as error:
-        reason = f"it needs {error.name}: {pip_install(str(error.name))}"
+        fault = reason(error)
     except (Exception, SystemExit) as error:
         words = " ".join(printed.getvalue().split()) or str(error)
-        reason = printable(words, width=200) or f"it is no {path.suffix} file"
-    raise _unreadable(reason)
+        fault = printable(words, width=200) or f"it is no {path.suffix} file"
+    raise _unreadable(fault)
 
 
-def _unreadable(reason: str) -> InputError:
+def _unreadable(fault: str) -> InputError:
     return InputError(
-        f"meshio cannot read this file ({reason}): write its points as a table (.csv)"
+        f"meshio cannot read this file ({fault}): write its points as a table (.csv)"
         " with the columns x and y, or give points and triangles to"
         " Lattice.from_points"
     )

@@ -254,7 +254,7 @@ def stretch(
 def inner_moduli(mesh: Lattice, k: float, u: Array) -> Moduli:
     """Return the moduli from the mean stress and strain of the triangles away from the
     edges, displaced by `u` (n, 2)."""
-    margin = _EDGE_LAYER * float(mesh.rest_lengths.mean())
+    margin = _EDGE_LAYER * mesh.rest_lengths.mean()
     low = mesh.positions.min(axis=0) + margin
     high = mesh.positions.max(axis=0) - margin
     middle = mesh.positions[mesh.triangles].mean(axis=1)
@@ -273,15 +273,15 @@ def inner_moduli(mesh: Lattice, k: float, u: Array) -> Moduli:
     bond_y = bond[:, :, 1]
     square = np.sum(bond * bond, axis=2)
     tension = 0.5 * k * np.sum(bond * elongation, axis=2) / square
-    stress_x = float(np.sum(tension * bond_x**2))
-    stress_y = float(np.sum(tension * bond_y**2))
+    stress_x = np.sum(tension * bond_x**2)
+    stress_y = np.sum(tension * bond_y**2)
     # Compute area times strain from the triangles' sides by Gauss's theorem.
     twice = displacement + next_displacement
-    strain_x = 0.5 * float(np.sum(twice[:, :, 0] * bond_y))
-    strain_y = -0.5 * float(np.sum(twice[:, :, 1] * bond_x))
+    strain_x = 0.5 * np.sum(twice[:, :, 0] * bond_y)
+    strain_y = -0.5 * np.sum(twice[:, :, 1] * bond_x)
     # Solve strain_x = (stress_x - nu stress_y)/E, and the same with x and y exchanged.
     # The common area cancels.
     det = stress_x**2 - stress_y**2
     one_over_E = (strain_x * stress_x - strain_y * stress_y) / det
     nu_over_E = (strain_x * stress_y - strain_y * stress_x) / det
-    return Moduli(young=1.0 / one_over_E, poisson=nu_over_E / one_over_E)
+    return Moduli(float(1.0 / one_over_E), float(nu_over_E / one_over_E))

@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
+import svgelements
 from scipy.spatial import cKDTree
 
-from taichi_disk.base.errors import InputError, install_extra
+from taichi_disk.base.errors import InputError
 from taichi_disk.base.text_files import read_text
 from taichi_disk.mechanics.lattice.custom import check_body
 from taichi_disk.mechanics.lattice.random_points import (
@@ -31,14 +33,6 @@ from taichi_disk.mechanics.lattice.triangles import (
     norms,
     shown_point,
 )
-
-try:
-    import shapely
-    import svgelements
-except ImportError:
-    raise InputError(
-        f"outlines need shapely and svgelements: {install_extra('outline')}"
-    ) from None
 
 # Halves of the smallest widths, in springs: of a part of the body, less what random
 # points vary, and of a hole or a notch.

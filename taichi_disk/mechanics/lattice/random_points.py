@@ -54,7 +54,7 @@ def circle_points(
     radius = 1.0  # of the region of the inner points
     if rim:
         circles.append(_ring(rng, on_rim))
-        apothem = float(_unit_circle(np.array([0.5 / on_rim]))[0, 0])
+        apothem = _unit_circle(np.array([0.5 / on_rim]))[0, 0]
         # Triangles on a chord of the rim are at least as high as equilateral ones. The
         # minimum is for four points.
         radius = max(apothem - height, 0.2 * apothem)
@@ -175,7 +175,7 @@ def _unit_circle(turns: Array) -> Array:
 def hexagonal_spacing(points: int) -> float:
     """Return the distance of neighbours [R] in a hexagonal lattice with `points` points
     in the unit circle."""
-    return float(np.sqrt(2.0 * np.pi / (np.sqrt(3.0) * points)))
+    return sqrt(2.0 * pi / (sqrt(3.0) * points))
 
 
 def least_distance(points: int, min_spacing: float) -> float:
@@ -234,7 +234,7 @@ def _adsorb(
     # Darts are thrown into square cells. As the region fills up, cells covered by one
     # point are removed and the others quartered (Ebeida et al., ACM Trans. Graph. 30,
     # 49, 2011), so darts stay uniform in the free area but rarely miss.
-    side = float(np.sqrt(np.prod(high - low) / (4 * count)))
+    side = sqrt(np.prod(high - low) / (4 * count))
     nx, ny = np.maximum(np.ceil((high - low) / side), 1).astype(int)
     cells = low + side * _grid(np.arange(nx), np.arange(ny))  # lower left corners
     points = fixed

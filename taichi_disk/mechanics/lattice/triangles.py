@@ -77,7 +77,7 @@ def compact_triangles(x: Array) -> Long:
     triangles = order[delaunay(centred(x[order]))]
     side, first, _ = distinct_sides(triangles, len(x))
     length = bond_lengths(x, side)
-    widest = _MAX_CIRCLE * float(np.median(length[first]))
+    widest = _MAX_CIRCLE * np.median(length[first])
     # The diameter of the circumcircle is the product of the sides over twice the area.
     sides = length.reshape(3, -1)
     diameter = sides.prod(axis=0) / double_area(x[triangles])
@@ -146,7 +146,7 @@ def polygon_area(corners: Array) -> float:
     """Return the area [R^2] of the polygon with `corners` (n, 2), positive if
     counter-clockwise."""
     arm = corners - corners[0]
-    return 0.5 * float(np.sum(cross(arm, np.roll(arm, -1, axis=0))))
+    return 0.5 * np.sum(cross(arm, np.roll(arm, -1, axis=0)))
 
 
 def double_area(corner: Array) -> Array:
@@ -191,7 +191,7 @@ def numbering(triangles: Long, x: Array) -> Long:
 
     n = len(x)
     side, first, _ = distinct_sides(triangles, n)
-    leftmost = int(np.argmin(x[:, 0]))
+    leftmost = np.argmin(x[:, 0])
     i, j = np.append(side[first], [[leftmost, n]], axis=0).T
     graph = coo_matrix((np.ones(len(i)), (i, j)), shape=(n + 1, n + 1))
     return reverse_cuthill_mckee(graph.tocsr())[:-1].astype(np.int64)

@@ -81,8 +81,8 @@ def _top_and_rest(mesh: Lattice) -> tuple[Indices, Indices]:
     the left top corner to the right one. Both contain the two corners."""
     outline = mesh.disk_surface  # counter-clockwise
     x, y = mesh.positions[outline].T
-    left_corner = int(np.argmax(y - x))
-    right_corner = int(np.argmax(y + x))
+    left_corner = np.argmax(y - x)
+    right_corner = np.argmax(y + x)
     # from the left top corner down and around to the right one, then back along the top
     from_left = np.roll(outline, -left_corner)
     right_place = (right_corner - left_corner) % len(outline)

@@ -10,7 +10,7 @@ LLVM aborts at `a -= b` and `-a` of whole local vectors, so write a = a - b and
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -67,14 +67,6 @@ def scalar(builder: Any, kind: Any = ti.f64) -> Any:
     field = ti.field(kind)
     builder.place(field)
     return field
-
-
-def check_room(fields: Sequence[Any], rows: int) -> None:
-    """Raise ValueError if `fields` have no room for `rows` values, because kernels
-    would write beyond their ends."""
-    room = fields[0].shape[0]
-    if rows > room:
-        raise ValueError(f"{rows} values do not fit into a field of {room}")
 
 
 class Capacity(NamedTuple):

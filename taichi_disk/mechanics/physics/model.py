@@ -37,8 +37,13 @@ class Model:
         )
 
     @property
-    def body_forces(self) -> tuple[BodyForce, ...]:
-        return tuple(law for law in self.laws if isinstance(law, BodyForce))
+    def loads(self) -> list[BodyForce]:
+        """The forces on single points, besides a rigid wall."""
+        return [
+            law
+            for law in self.laws
+            if isinstance(law, BodyForce) and law is not self.wall
+        ]
 
     @property
     def elastic(self) -> ElasticWall | None:

@@ -55,7 +55,7 @@ def arrange(bonds: Indices, points: int) -> Arrangement:
     lattice."""
     count = 1
     if points >= PARALLEL_FROM:
-        reach = int((bonds[:, 1] - bonds[:, 0]).max())
+        reach = (bonds[:, 1] - bonds[:, 0]).max()
         count = max(1, min(MAX_SUBDOMAINS, points // (MIN_REACHES * reach)))
     size = -(-points // count)
     count = -(-points // size)

@@ -29,12 +29,14 @@ class Column(NamedTuple):
     written: str = "always"
 
 
-_PARTS_OF_LOAD = (
-    "for Newton's method the fraction of the load *P*, up to 1: one line for each"
-    " equilibrium"
-)
 COLUMNS = (
-    Column("t", "R/c", f"time; {_PARTS_OF_LOAD}", "derived"),
+    Column(
+        "t",
+        "R/c",
+        "time; for Newton's method the fraction of the load *P*, up to 1: one line for"
+        " each equilibrium",
+        "derived",
+    ),
     Column("com_x", "R", "centre of mass of the disk, to the right", "motion"),
     Column("com_y", "R", "centre of mass of the disk, upwards", "motion"),
     Column("com_vx", "c", "velocity of the centre of mass to the right", "motion"),
@@ -151,10 +153,11 @@ def split(columns: Columns, inertia: float) -> Columns:
     """
     translation = 0.5 * (columns["com_vx"] ** 2 + columns["com_vy"] ** 2)
     rotation = columns["angular_momentum"] ** 2 / (2.0 * inertia)
-    vibration = columns["kinetic"] - translation - rotation
-    return columns | dict(
-        zip(of_kind("part"), (translation, rotation, vibration), strict=True)
-    )
+    return columns | {
+        "translation": translation,
+        "rotation": rotation,
+        "vibration": columns["kinetic"] - translation - rotation,
+    }
 
 
 def bounds_array(bounds: Bounds) -> Array:

@@ -130,12 +130,11 @@ class Program:
         if saved is None:
             simulation.contents = self._begin(simulation)
         else:
-            self._write_state(simulation.contents, saved)
             owner.call(self.state.write, *simulation.contents)
             if simulation.mouse_target:
                 owner.call(self.kernels.set_mouse_target, *simulation.mouse_target)
-                # the saved state contains the pull
-                owner.call(self.state.restore, saved)
+            # the saved state contains the pull
+            owner.call(self.state.restore, saved)
         self.occupant = simulation
 
     def vacate(self) -> None:
@@ -170,16 +169,6 @@ class Program:
         if self.kernels.solver is not None:
             contents += self.kernels.solver.contents(simulation.factor)
         return owner.call(state.begin, numbers, contents)
-
-    def _write_state(self, written: Written, snapshot: Snapshot) -> None:
-        """Replace the state in `written` by that of `snapshot`."""
-        _, (masses, points, sums, *_), values = written
-        first = 2 * masses
-        end = first + snapshot.vectors[:, 0].size * points
-        vectors = values[first:end].reshape(points, -1, 2)
-        # pairs of numbers, which NumPy copies as one
-        vectors.view(complex)[:masses, :, 0] = snapshot.vectors.view(complex)[..., 0].T
-        values[end : end + sums] = snapshot.sums
 
     def _vectors(self, simulation: Simulation) -> list[Array]:
         """Return the vectors (n, 2) of the state at t = 0, as `Snapshot` lists them."""
@@ -257,10 +246,6 @@ class Simulation:
             entries = len(self.factor.row)
         blocks = len(self.arrangement.ends) // BLOCK
         return Capacity(len(self.lattice.positions), blocks, entries)
-
-    @property
-    def subdomains(self) -> int:
-        return self.arrangement.subdomains
 
     def _in_fields(self) -> Program:
         """Return the program, after a switch to this simulation if necessary."""
@@ -348,7 +333,7 @@ class Simulation:
         `load` [M c^2]."""
         pull = self._in_fields().kernels.set_mouse_target
         self.mouse_target = (point, *target)
-        return float(owner.call(pull, *self.mouse_target))
+        return owner.call(pull, *self.mouse_target)
 
 
 class KernelCache:
@@ -396,7 +381,7 @@ class KernelCache:
             simulation.integrator.name,
             type(simulation.factor),
             simulation.lattice.stiffness is None,
-            simulation.subdomains,
+            simulation.arrangement.subdomains,
         )
         known = self._known.get(key)
         if known is not None and known.fits(simulation):
@@ -427,7 +412,7 @@ def _contact_force(lattice: Lattice, model: Model, v: Array) -> float:
     contact; inf without a wall."""
     if model.wall is None:
         return inf
-    speed = float(lattice.mean(v[:, 1]))  # towards the wall
+    speed = lattice.mean(v[:, 1])  # towards the wall
     kinetic_energy = 0.5 * speed**2
     # where the wall's potential energy is U, its force is a U
     a = model.wall.added_stiffness(1.0)

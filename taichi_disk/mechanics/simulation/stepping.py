@@ -25,7 +25,6 @@ from taichi_disk.mechanics.physics.law import (
     Reals1,
     Reals3,
     array,
-    check_room,
     get,
     pair_of,
     put,
@@ -172,7 +171,9 @@ class PointFields:
         scalars = np.array([number for _, number in numbers], float)
         arrays = [np.asarray(values, np.float64) for _, values in contents]
         for fields, values in zip(self.fields, arrays, strict=True):
-            check_room(fields, len(values))
+            room = fields[0].shape[0]
+            if len(values) > room:  # kernels would write beyond the ends of the fields
+                raise ValueError(f"{len(values)} values do not fit into {room}")
         rows = np.array([len(values) for values in arrays], np.int32)
         values = np.concatenate([values.ravel() for values in arrays])
         self.write(scalars, rows, values)
@@ -252,7 +253,7 @@ class Stepping:
         self.contact = model.elastic is not None
         self.has_friction = model.has_friction
         self.rigid = model.wall is not None and not self.contact
-        self.loads = tuple(law for law in model.body_forces if law is not model.wall)
+        self.loads = model.loads
         # the velocities that become observed ones by the last kick
         self.observed_velocities = state.v
         if state.corrected:

@@ -16,7 +16,7 @@ from taichi_disk.mechanics.lattice.network import symmetric_factors
 from taichi_disk.mechanics.lattice.triangles import cross
 from taichi_disk.mechanics.physics import ExponentialWall, Model, Springs
 
-_EPS = float(np.finfo(np.float64).eps)
+_EPS = np.finfo(np.float64).eps
 _TOLERANCE = 1e-12  # largest residual force over the load on a point
 # shifts of the diagonal, divided by the largest diagonal element of the stiffness
 _FIRST_SHIFT = 1e-5
@@ -57,7 +57,7 @@ def solve_equilibrium(
     load = 0.0
     if model.load:
         load = model.load.force
-    stiffest = float(model.springs.stiffness(lattice, x).diagonal().max())
+    stiffest = model.springs.stiffness(lattice, x).diagonal().max()
     shift = _FIRST_SHIFT * stiffest
     if is_close:
         shift = _MIN_SHIFT * stiffest
@@ -93,8 +93,8 @@ def _rounding_force(tangent: Any, x: Array) -> float:
     """Return the rounding error of the force on a point [M c^2/R]."""
     # About ten forces act on a point, and the last bit of a coordinate rounds each of
     # them.
-    stiffest = float(tangent.diagonal().max())
-    return 10.0 * _EPS * stiffest * max(1.0, float(np.abs(x).max()))
+    stiffest = tangent.diagonal().max()
+    return 10.0 * _EPS * stiffest * max(1.0, np.abs(x).max())
 
 
 def _downhill(
@@ -121,8 +121,8 @@ def _downhill(
         move = factors.solve(force.ravel()).reshape(-1, 2)
         # removes rounding errors that would make the disk slide along the wall
         move[:, 0] -= move[:, 0].mean()
-        slope = float(np.sum(move * force))
-        curvature = slope - shift * float(np.sum(move * move))
+        slope = np.sum(move * force)
+        curvature = slope - shift * np.sum(move * move)
         rotation = max(abs(_rotation(x, move)), _EPS)
         fraction = min(1.0, _MAX_ROLL / rotation)
         for _ in range(12):
@@ -157,15 +157,14 @@ def _factors(matrix: Any, shift: float) -> Any:
         factors = symmetric_factors(matrix + shift * identity(matrix.shape[0]))
     except RuntimeError:  # a pivot is 0
         return None
-    is_positive_definite = bool((factors.U.diagonal() > 0.0).all())
-    if is_positive_definite:
+    if (factors.U.diagonal() > 0.0).all():  # it is positive definite
         return factors
     return None
 
 
 def _rotation(x: Array, move: Array) -> float:
     arm = x - x.mean(axis=0)
-    return float(np.sum(cross(arm, move)) / np.sum(arm * arm))
+    return np.sum(cross(arm, move)) / np.sum(arm * arm)
 
 
 def _moved(x: Array, move: Array) -> Array:
@@ -222,11 +221,11 @@ def resting_angle(disk: Lattice, modulus: float, a: float, pressure: float) -> f
         depths = -np.sin(angle) * x - np.cos(angle) * y
         deepest = depths.max()
         weights = np.exp((depths - deepest) / decay_length)
-        return float(deepest + decay_length * np.log(weights.sum()))
+        return deepest + decay_length * np.log(weights.sum())
 
     count = max(360, 4 * len(x))
     angles, step = np.linspace(-np.pi, np.pi, count, endpoint=False, retstep=True)
-    best = float(min(angles, key=height))
+    best = min(angles, key=height)
     around_best = (best - step, best + step)
     return float(minimize_scalar(height, bounds=around_best, method="bounded").x)
 

@@ -61,7 +61,7 @@ def modes(
     u = displacement.ravel()
     twice_kinetic = (masses[:, None] * velocity * velocity).sum()
     twice_elastic = u @ (stiffness @ u)
-    harmonic = 0.5 * float(twice_kinetic + twice_elastic)
+    harmonic = 0.5 * (twice_kinetic + twice_elastic)
     q = np.einsum("kij,i,ij->k", shapes, masses, displacement)
     p = np.einsum("kij,i,ij->k", shapes, masses, velocity)
     energies = 0.5 * (p * p + (frequencies * q) ** 2)
@@ -69,8 +69,8 @@ def modes(
         frequencies=frequencies,
         shapes=shapes,
         energies=energies,
-        rest=harmonic - float(energies.sum()),
-        anharmonic=energy - harmonic,
+        rest=float(harmonic - energies.sum()),
+        anharmonic=float(energy - harmonic),
     )
 
 
@@ -84,7 +84,7 @@ def _inner_kinetic(masses: Array, at_rest: Vectors, x: Vectors, v: Vectors) -> f
     inertia = (masses * at_rest.conj() * at_rest).sum().real
     angular_momentum = (masses * x.conj() * v).sum().imag
     kinetic = masses @ np.abs(v) ** 2 - angular_momentum**2 / inertia
-    return 0.5 * float(kinetic)
+    return 0.5 * kinetic
 
 
 def _in_eckart_frame(

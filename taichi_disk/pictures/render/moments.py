@@ -104,12 +104,9 @@ def time_of(moment: Any, run: Run) -> float:
         "contact": run.contact.first_sample,
         "end": last,
     }
-    number = moment
-    if isinstance(moment, str):
-        number = named.get(moment, moment)
     t = np.nan
     with suppress(TypeError, ValueError, OverflowError):
-        t = float(number)
+        t = float(named.get(moment, moment))
     if not 0.0 <= t <= last * (1.0 + 1e-12):
         raise InputError(
             f"no moment {moment}: write {', '.join(MOMENTS)}, or a time within the run,"

@@ -157,18 +157,17 @@ export class Drawing {
     const { theme } = this;
     const isMoved = options.magnify * (options.ringing ?? 1) > 1;
     const x = isMoved ? this.placed(state.x) : state.x;
-    const hasWall = scene.wall.kind !== "none";
 
     ctx.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     ctx.fillStyle = theme.ground;
     ctx.fillRect(0, 0, this.width, this.height);
     ctx.lineJoin = ctx.lineCap = "round";
-    if (hasWall) this.drawHaze(x, theme.wall);
+    this.drawHaze(x, theme.wall);
     this.drawField(x, state);
     if (this.isFilled) this.drawSides(x, theme);
     if (scene.spoke >= 0) this.drawSpoke(centre, this.point(x, scene.spoke), theme);
     ctx.fillStyle = theme.wall;
-    if (hasWall) ctx.fill(this.wallPath(x, scene.wall.edge));
+    ctx.fill(this.wallPath(x, scene.wall.edge));
     if (options.outline) {
       const unmoved = this.unmoved(state.x);
       const ring = Array.from([...scene.outline, scene.outline[0]], (i) => this.point(unmoved, i));
@@ -282,7 +281,7 @@ export class Drawing {
       limit: written,
       colours,
       scale: this.camera.scale / letters,
-      force: options.forces && this.scene.wall.kind !== "none" ? fullForce : 0,
+      force: options.forces ? fullForce : 0,
     });
     ctx.restore();
   }

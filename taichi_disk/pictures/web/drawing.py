@@ -113,8 +113,6 @@ def _maps() -> dict[str, str]:
 
 
 def _wall(lattice: Lattice, wall: Any, force: float) -> Message:
-    if wall is None:
-        return {"kind": "none"}
     kind = "elastic" if len(lattice.wall_surface) else "rigid"
     return {"kind": kind, "edge": edge_height(wall, force), "decay": wall.decay_length}
 
@@ -167,9 +165,8 @@ def contact_forces(scenario: Scenario, x: Array, v: Array) -> NDArray[np.float32
     """Return the wall's force on every point in its reach, (k, 3): point, fx, fy [M
     c^2/R]."""
     model = scenario.model
-    if model.wall is None:
-        return np.zeros((0, 3), dtype=np.float32)
-    points, forces = model.wall.contact_forces(scenario.lattice, x, v, model.springs)
+    wall: Any = model.wall  # every scene has one
+    points, forces = wall.contact_forces(scenario.lattice, x, v, model.springs)
     return np.column_stack([points, forces]).astype(np.float32)
 
 

@@ -208,12 +208,12 @@ class Work:
         # Write all rows of a loading, because they are not equally spaced.
         interval = 0.0 if asked == "auto" or outcome.scenario.static else asked
         write_timeseries(path / "timeseries.csv", outcome.series, interval)
-        end = {
-            "positions": outcome.positions,
-            "velocities": outcome.velocities,
-            "t": outcome.end,
-        }
-        files.write_arrays(path / "final.npz", **end)
+        files.write_arrays(
+            path / "final.npz",
+            positions=outcome.positions,
+            velocities=outcome.velocities,
+            t=outcome.end,
+        )
         folder.take_over()
         summary["video"] = folder.film()
         files.write_summary(path / "summary.json", summary)

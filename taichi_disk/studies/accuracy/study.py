@@ -7,11 +7,11 @@ import sys
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from taichi_disk.base import runtime
 from taichi_disk.base.errors import NOTICES, InputError, TaichiDiskError
 from taichi_disk.base.files import (
+    Summary,
     atomic_write,
     prepare_output,
     remove_empty,
@@ -20,6 +20,7 @@ from taichi_disk.base.files import (
 )
 from taichi_disk.base.progress import Progress, terminal
 from taichi_disk.experiments.computation.outcome import compute
+from taichi_disk.experiments.computation.words import Numbers
 from taichi_disk.experiments.scenes import Scene
 from taichi_disk.experiments.scenes.setup import outcome_of
 from taichi_disk.mechanics.integrators import INTEGRATORS
@@ -81,7 +82,7 @@ def step_errors(scene: Scene, progress: Progress) -> list[StepError]:
     return StepStudy(scenario, outcome).measure(progress)
 
 
-def effects(scene: Scene, progress: Progress) -> dict[str, float]:
+def effects(scene: Scene, progress: Progress) -> Numbers:
     """Return the scatter of the primary result over lattices, and its changes on a
     finer lattice and on a harder wall; without those that have no result."""
     # The step is automatic, because a user's dt rarely suits a finer lattice, and an
@@ -109,7 +110,7 @@ def effects(scene: Scene, progress: Progress) -> dict[str, float]:
     return found
 
 
-def finer_lattice(scene: Scene) -> dict[str, Any]:
+def finer_lattice(scene: Scene) -> Summary:
     """Return the keys for more points, and equal mass, stiffness and viscosity of the
     disk."""
     points = FINER_LATTICE * scene.lattice.points
@@ -123,7 +124,7 @@ def finer_lattice(scene: Scene) -> dict[str, Any]:
 # ---- the report
 
 
-def sentence(name: str, steps: list[StepError], changes: dict[str, float]) -> str:
+def sentence(name: str, steps: list[StepError], changes: Numbers) -> str:
     """Return what limits the result `name`, and advice. `changes`: as `effects` returns
     them."""
     step = 0.0
@@ -169,7 +170,7 @@ def report(
         Console(width=width).print(Markdown(text))
 
 
-def _step_row(step: StepError) -> dict[str, Any]:
+def _step_row(step: StepError) -> Summary:
     own = {"is_default": "own"}  # the column `own` keeps its old name
     return {own.get(name, name): value for name, value in asdict(step).items()}
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from taichi_disk.base.files import Summary
 from taichi_disk.experiments.scenes import Scene
 from taichi_disk.experiments.scenes.compression import paper_compression
 from taichi_disk.experiments.scenes.scene import Home
@@ -66,7 +67,7 @@ class Curve:
     def lattices(self) -> int:
         return len(self.y)
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> Summary:
         deviation = None
         half_widths = None
         if self.lattices > 1:
@@ -86,7 +87,7 @@ class Curve:
         }
 
 
-def _fit_summary(fit: Fit) -> dict[str, Any]:
+def _fit_summary(fit: Fit) -> Summary:
     intervals = {name: _known(limits) for name, limits in fit.intervals.items()}
     return {
         "values": {name: _known(value) for name, value in fit.values.items()},

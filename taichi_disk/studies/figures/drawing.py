@@ -21,8 +21,9 @@ from taichi_disk.experiments.scenes import compression, impact
 from taichi_disk.mechanics.lattice import Array
 from taichi_disk.pictures.inline import Plot
 from taichi_disk.pictures.plot import STYLE, SUM, matplotlib_style, powers
-from taichi_disk.studies.figures.curves import LAWS, Curve, Diagram, Line, eq5
+from taichi_disk.studies.figures.curves import LAWS, Curve, Diagram, Line, Row, eq5
 
+Styled = tuple[Line, str, str]  # a line with its style and name
 LABELS = compression.LABELS | impact.LABELS  # name and unit of each result
 MARKERS = "osD^vPX"
 COLOURS = matplotlib.colormaps["plasma"]
@@ -89,13 +90,13 @@ def figure_to_change(diagram: Diagram) -> Plot:
 class Layout(NamedTuple):
     """How a diagram is drawn: labels of its axes, what returns the places of a curve's
     x and results in them, along which axis the results are, and what returns lines to
-    compare with, each with its style and name."""
+    compare with."""
 
     x_label: str
     y_label: str
     place: Callable[[Curve, Array, Array], Line] = lambda curve, x, y: (x, y)
     bars: str = "yerr"
-    references: Callable[[Curve], list[tuple[Line, str, str]]] = lambda curve: []
+    references: Callable[[Curve], list[Styled]] = lambda curve: []
 
 
 def _layout(diagram: Diagram) -> Layout:
@@ -122,7 +123,7 @@ def _force(curve: Curve, pressure: Array, xi: Array) -> Line:
     return xi, pressure / (np.pi * curve.young)
 
 
-def _compression_laws(curve: Curve) -> list[tuple[Line, str, str]]:
+def _compression_laws(curve: Curve) -> list[Styled]:
     P = np.linspace(curve.x.min(), curve.x.max(), 60)
     moduli = (curve.young, curve.poisson)
     paper = compression.paper_compression(P, *moduli, 1.55)
@@ -166,7 +167,6 @@ def _drawn(diagram: Diagram) -> Plot:
     drawn = []
     for curve, style in zip(curves, styles, strict=True):
         drawn.append(_draw_curve(ax, layout, curve, style))
-        _draw_laws(ax, layout, curve, style["color"])
     longest = max(curves, key=lambda curve: len(curve.x))
     for line, dashes, name in layout.references(longest):
         ax.plot(*line, dashes, color=SUM, label=name)
@@ -185,7 +185,7 @@ def _drawn(diagram: Diagram) -> Plot:
     return figure
 
 
-def curve_styles(count: int) -> list[dict[str, Any]]:
+def curve_styles(count: int) -> list[Row]:
     """Return colour and marker of each curve. The order of the curves is that of
     lightness."""
     colours = COLOURS(np.linspace(0.0, LIGHTEST, count))
@@ -195,16 +195,17 @@ def curve_styles(count: int) -> list[dict[str, Any]]:
     ]
 
 
-def _draw_curve(ax: Axes, layout: Layout, curve: Curve, style: dict[str, Any]) -> Any:
-    """Draw the points of a curve with their bars, and a thin line through them if no
-    law does."""
+def _draw_curve(ax: Axes, layout: Layout, curve: Curve, style: Row) -> Any:
+    """Draw the points of a curve with their bars, and the lines of its laws, or else a
+    thin line through the points."""
+    laws = _law_lines(curve)
     width = 0.5
-    if any(_is_drawn(name, curve) for name in curve.fits):
+    if laws:
         width = 0.0
     options = dict(style)
     if curve.lattices > 1:
         options[layout.bars] = curve.half_widths
-    return ax.errorbar(
+    points = ax.errorbar(
         *layout.place(curve, curve.x, curve.mean),
         linewidth=width,
         elinewidth=0.8,
@@ -212,26 +213,24 @@ def _draw_curve(ax: Axes, layout: Layout, curve: Curve, style: dict[str, Any]) -
         barsabove=True,
         **options,
     )
+    for line, dashes, label in laws:
+        if label in ax.get_legend_handles_labels()[1]:
+            label = ""
+        place = layout.place(curve, *line)
+        ax.plot(*place, dashes, color=style["color"], label=label)
+    return points
 
 
-def _is_drawn(name: str, curve: Curve) -> bool:
-    """Return whether the line of a law is drawn: it can be fitted to several points,
-    and is not refuted."""
-    fit = curve.fits[name]
-    is_fitted = np.isfinite(list(fit.values.values())).all()
-    has_line = LAWS[name].line and len(curve.x) > 1
-    return bool(has_line and is_fitted and not fit.is_refuted)
-
-
-def _draw_laws(ax: Axes, layout: Layout, curve: Curve, colour: Any) -> None:
+def _law_lines(curve: Curve) -> list[Styled]:
+    """Return the lines of the laws that can be fitted to several points and are not
+    refuted."""
+    lines = []
     for name, fit in curve.fits.items():
         law = LAWS[name]
-        if law.line and _is_drawn(name, curve):
-            line = layout.place(curve, *law.line(curve, fit))
-            label = law.legend
-            if label in ax.get_legend_handles_labels()[1]:
-                label = ""
-            ax.plot(*line, law.style, color=colour, label=label)
+        is_fitted = np.isfinite(list(fit.values.values())).all()
+        if law.line and len(curve.x) > 1 and is_fitted and not fit.is_refuted:
+            lines.append((law.line(curve, fit), law.style, law.legend))
+    return lines
 
 
 def _caption(curves: Sequence[Curve]) -> str:
@@ -262,7 +261,7 @@ def _caption(curves: Sequence[Curve]) -> str:
     return "\n".join(lines)
 
 
-def curve_label(label: dict[str, Any]) -> str:
+def curve_label(label: Row) -> str:
     parts = []
     for name, value in label.items():
         symbol = SYMBOLS.get(name.split(".")[-1], name)

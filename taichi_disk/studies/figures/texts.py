@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from taichi_disk.base.files import Summary
 from taichi_disk.studies.figures.curves import LAWS
 from taichi_disk.studies.figures.theory import SIGNIFICANCE
 
@@ -13,7 +14,7 @@ LEAST_P_VALUE = 1e-6
 
 
 def curve_rows(
-    curves: Sequence[dict[str, Any]],
+    curves: Sequence[Summary],
 ) -> Iterator[tuple[str, list[tuple[str, str]]]]:
     """Yield for each of `curves`, results of `Curve.summary`, its label and a list of
     (law, parameters), as text."""
@@ -34,7 +35,7 @@ def curve_rows(
         yield ", ".join(keys), laws
 
 
-def explanations(curves: Sequence[dict[str, Any]]) -> Iterator[tuple[str, str]]:
+def explanations(curves: Sequence[Summary]) -> Iterator[tuple[str, str]]:
     """Yield (law, meaning of its parameters) for each law of `curves`."""
     for name, law in LAWS.items():
         if any(name in curve["fits"] for curve in curves):
@@ -47,7 +48,7 @@ def _as_text(value: Any) -> str:
     return str(value)
 
 
-def _parameters(fit: dict[str, Any]) -> list[str]:
+def _parameters(fit: Summary) -> list[str]:
     """Return each fitted parameter with its 95 % interval, or "none" if the law cannot
     be fitted."""
     parts = []
@@ -63,7 +64,7 @@ def _parameters(fit: dict[str, Any]) -> list[str]:
     return parts
 
 
-def _verdict(fit: dict[str, Any], lattices: int) -> str:
+def _verdict(fit: Summary, lattices: int) -> str:
     p_value = fit["p_value"]
     if p_value is None:
         return "not tested: too few lattices or points, or no scatter"

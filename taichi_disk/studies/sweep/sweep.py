@@ -85,7 +85,7 @@ class SweepResult:
     """
 
     rows: list[Row]
-    summary: dict[str, Any]
+    summary: Summary
     out: Path
     sweep: Sweep
 

@@ -1,5 +1,4 @@
-"""The engine: selected in one file, imported in a suitable environment, and patched if
-necessary."""
+"""The engine: selected in one file, in a suitable environment, patched if necessary."""
 
 import os
 import re

@@ -1,5 +1,4 @@
-"""Result files appear completely or not at all, and a folder that is not writable is
-refused without a trace."""
+"""Files of results appear whole or not at all; closed folders are refused at once."""
 
 import errno
 import os

@@ -1,5 +1,4 @@
-"""The cores that a process may use, drivers that do not work, and Pythons that run no
-files of the user."""
+"""Cores of a process, drivers that do not work, and applications with Python."""
 
 import os
 import subprocess

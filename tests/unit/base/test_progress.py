@@ -1,5 +1,4 @@
-"""Progress: a bar on a terminal, silence elsewhere, and a terminal that is left in
-order."""
+"""Progress: a bar on a terminal, which is left in order, and silence elsewhere."""
 
 import errno
 import io

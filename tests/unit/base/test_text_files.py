@@ -1,5 +1,4 @@
-"""Text files of a limited size: encodings, devices, pipes, and files that are too
-large."""
+"""Text files: encodings, devices, pipes, and files that are too large."""
 
 import contextlib
 import os

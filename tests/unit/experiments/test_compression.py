@@ -1,5 +1,4 @@
-"""The compression at rest: what is left of the last slow roll is extrapolated from the
-rows of the settling time."""
+"""The compression at rest: the rest of the last slow roll is extrapolated."""
 
 import numpy as np
 import pytest

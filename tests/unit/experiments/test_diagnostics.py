@@ -1,5 +1,4 @@
-"""A blow-up is detected within one launch of steps, and reported with time, place,
-likely cause and remedy."""
+"""A blow-up is found within one launch, and reported with its place and remedy."""
 
 import re
 from dataclasses import replace

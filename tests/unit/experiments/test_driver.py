@@ -1,5 +1,4 @@
-"""The loop over time: launches, the end of a scene, restarts, failures, and messages
-about a run."""
+"""The loop over time: launches, the end of a scene, restarts, failures, messages."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,4 @@
-"""Results along the wall: the lowest point, the arm of the wall's impulse, and the
-scale of errors."""
+"""Results along the wall: lowest point, arm of the impulse, and scale of errors."""
 
 from math import pi
 

@@ -1,5 +1,4 @@
-"""Scenes as values: defaults, bounds, changes, and that what is written reads back as
-the same scene."""
+"""Scenes as values: defaults, bounds, changes; what is written reads back the same."""
 
 from dataclasses import FrozenInstanceError, asdict
 from pathlib import Path

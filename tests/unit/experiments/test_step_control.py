@@ -46,9 +46,7 @@ def after_failure(failure, force=0.0):
 
 
 def off_by(driver, worst, closing=0.0):
-    """Return the time series of `driver` with energy errors of `worst`, and `closing`
-    at the end, over its energy scale.
-    """
+    """Return a time series with energy errors `worst` and `closing`, by scale."""
     columns = driver.columns
     scale = driver.scenario.energy_scale(driver.columns)
     error = np.full(len(columns["t"]), worst)
@@ -318,8 +316,7 @@ def test_a_tolerance_that_no_step_keeps_fails_with_advice(shift, message, kernel
 
 
 def until_within_tolerance(driver, shift, offsets, sliding=0.0):
-    """Return what `within_tolerance` returns if results of runs are off by `shift`
-    and, one after the other, `offsets`."""
+    """Let `within_tolerance` get results that are off by `shift` and `offsets`."""
     offset = iter(offsets)
 
     def run(step):

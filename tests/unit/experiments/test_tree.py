@@ -1,5 +1,4 @@
-"""Messages about a scene that cannot be used: place, key, range, nearest name, and all
-faults at once."""
+"""Messages about a faulty scene: place, key, range, nearest name, all at once."""
 
 import difflib
 import re

@@ -1,5 +1,4 @@
-"""Fields of a state, compared with independent results: elasticity of a perfect
-lattice, virial, rigid motion."""
+"""Fields of a state, against elasticity, the virial and rigid motion."""
 
 from dataclasses import replace
 

@@ -1,5 +1,4 @@
-"""The disk's lattice: exact numbers of points, distances, a valid triangulation,
-reproducible to the last bit."""
+"""The disk's lattice: numbers, distances and triangles, the same to the last bit."""
 
 import hashlib
 

@@ -1,5 +1,4 @@
-"""A scene has only the laws that it needs, and a compiled simulation serves all
-lattices and parameters."""
+"""A scene compiles only its laws, once for all lattices and parameters."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import astuple, replace

@@ -1,5 +1,4 @@
-"""Moduli by the stretch test: exact for a perfect lattice, in the known range for
-random ones."""
+"""Moduli by the stretch test: of a perfect lattice exact, of random ones in range."""
 
 import math
 

@@ -2,7 +2,6 @@
 
 import math
 import re
-import sys
 
 import numpy as np
 import pytest
@@ -185,16 +184,3 @@ def test_the_number_of_points_that_it_names_will_do(tmp_path, name):
     assert 300 < len(Lattice.outline(path, enough).masses) < 40_000
     with pytest.raises(InputError):
         Lattice.outline(path, enough // 2)
-
-
-def test_a_library_that_is_missing_is_named_with_its_extra(tmp_path, monkeypatch):
-    path = tmp_path / "l.csv"
-    np.savetxt(path, ELL)
-    module = "taichi_disk.mechanics.lattice.outlines"
-    monkeypatch.delitem(sys.modules, module, raising=False)
-    monkeypatch.setitem(sys.modules, "svgelements", None)
-    extra = r"outlines need shapely and svgelements: .*pip install '\.\[outline\]'"
-    with pytest.raises(InputError, match=rf"l.csv: {extra}"):
-        Lattice.outline(path, 300)
-    with pytest.raises(InputError, match=extra):
-        Lattice.outline(ELL, 300)

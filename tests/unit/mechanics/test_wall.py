@@ -1,5 +1,4 @@
-"""The elastic wall's lattice: the disk's material in a rectangle below y = 0, separate
-from the disk."""
+"""The elastic wall's lattice: the disk's material below y = 0, apart from the disk."""
 
 import math
 

@@ -1,5 +1,4 @@
-"""The process that finishes films: what it sees, and how its errors and its end come
-back."""
+"""The process that finishes films: what it sees, its errors and its end."""
 
 import gc
 import math

@@ -1,5 +1,4 @@
-"""The page's drawing, curves, fit and typed numbers, run by node: pixels against a
-plain computation, the fit against that of sweeps."""
+"""The page's drawing, curves, fit and typed numbers, run by node."""
 
 import json
 import shutil

@@ -1,5 +1,4 @@
-"""Shapes of pictures: the camera, where the wall's edge is drawn, displacements shown
-larger."""
+"""Shapes of pictures: the camera, the wall's edge, magnified displacements."""
 
 import numpy as np
 import pytest

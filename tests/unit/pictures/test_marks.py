@@ -1,5 +1,4 @@
-"""Arrows, dots and lines above pictures: as long and as wide as asked for, with smooth
-edges and a rim."""
+"""Arrows, dots and lines: as long and as wide as asked for, with smooth edges."""
 
 import numpy as np
 import pytest
@@ -13,8 +12,7 @@ GREY = (128, 128, 128)
 
 
 def stamped(corners, rim=0.0, columns=slice(0, 100)):
-    """Return the brightness (100, 100) of a grey picture with a black mark that has a
-    white rim."""
+    """Return the brightness (100, 100) of grey with a black mark in a white rim."""
     image = Image.new("RGB", (100, 100), GREY)
     stamp(image, Mark(corners, BLACK, rim), WHITE, columns)
     return np.asarray(image)[..., 0].astype(float)

@@ -1,5 +1,4 @@
-"""Colours of pictures: even maps that the colour-blind can read, and scales that end at
-round numbers."""
+"""Colours: even maps for the colour-blind too, and scales that end at round numbers."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,4 @@
-"""The curves beside a film: where their values are, in their colours, with whole
-words."""
+"""The curves beside a film: where their values are, in their colours, whole words."""
 
 from dataclasses import replace
 

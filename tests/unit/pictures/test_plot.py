@@ -1,5 +1,4 @@
-"""plot.png: the curves are the data of the run, with names and units, and the same
-bytes each time."""
+"""plot.png: the run's data, with names and units, the same bytes each time."""
 
 import filecmp
 import os

@@ -1,5 +1,4 @@
-"""The folder of a run contains one complete run; finished runs and the user's files are
-never lost."""
+"""A run's folder holds one whole run; finished runs and the user's files are safe."""
 
 import errno
 import json
@@ -340,8 +339,7 @@ def test_a_run_is_copied_if_folders_cannot_be_renamed(tmp_path, monkeypatch, cod
 
 @pytest.fixture
 def foreign(tmp_path, monkeypatch):
-    """Return a folder below one in which this user can make and rename nothing, which
-    root could otherwise."""
+    """Return a folder below one in which this user can make nothing."""
 
     def denying(function):
         def denied(*paths, **options):

@@ -1,5 +1,4 @@
-"""The sandbox without its window: what is seen is what `run` computes, also after going
-back; hands' work is marked."""
+"""What the sandbox shows is what `run` computes, also after going back."""
 
 import numpy as np
 import pytest
@@ -363,8 +362,7 @@ def test_what_the_mouse_pulled_is_not_made_again_and_its_energy_no_imbalance(ker
     into_contact(sandbox)
     untouched = sandbox.time.display.t
     sandbox.pull(0.0, 2.2)
-    assert sandbox.grip
-    assert sandbox.grip[0] == int(sandbox.time.display.x[:, 1].argmax())
+    assert sandbox.grip == int(sandbox.time.display.x[:, 1].argmax())
     for k in range(60):
         sandbox.pull(0.005 * k, 2.4)
         sandbox.advance(0.05)
@@ -376,7 +374,7 @@ def test_what_the_mouse_pulled_is_not_made_again_and_its_energy_no_imbalance(ker
     reference = segment.scenario.reference_energy
     assert imbalance(sandbox) * reference < 0.05 * given
     sandbox.release()
-    assert not sandbox.grip
+    assert sandbox.grip < 0
     assert sandbox.time.display.segment.label
     to_the_end(sandbox)  # a disk that was let go ends as any other
     assert imbalance(sandbox) < 2e-4
@@ -397,7 +395,7 @@ def test_what_the_mouse_pulled_is_not_made_again_and_its_energy_no_imbalance(ker
         assert sandbox.advance(0.1) > 0
         assert sandbox.status == "disturbed"
         change()
-        assert not sandbox.grip
+        assert sandbox.grip < 0
 
 
 def test_a_blow_up_is_told_and_any_change_gives_time_back(kernels):

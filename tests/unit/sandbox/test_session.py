@@ -1,5 +1,4 @@
-"""A sandbox behind its page, without a page: its commands, and the messages that show
-it."""
+"""A sandbox behind its page: its commands, and the messages that show it."""
 
 import json
 import os

@@ -19,8 +19,7 @@ SCENES = [
 
 
 def moved(sandbox, k):
-    """Let a picture's time pass; after some pictures the mouse pulls a point, another
-    viscosity is set, time goes back."""
+    """Let a picture's time pass, and do what belongs to picture `k`."""
     if k == 20:
         sandbox.pull(0.3, 2.4)
     elif k == 30:

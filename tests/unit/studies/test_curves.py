@@ -1,5 +1,4 @@
-"""Fits recover known parameters, and their intervals contain them as often as they
-should."""
+"""Fits recover known parameters, and intervals contain them often enough."""
 
 import itertools
 

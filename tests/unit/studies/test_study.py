@@ -1,5 +1,4 @@
-"""`taichi_disk.studies.accuracy`: the changes of the scene, the measurements and the
-conclusions."""
+"""`taichi_disk.studies.accuracy`: changes of the scene, measurements, conclusions."""
 
 from dataclasses import replace
 
