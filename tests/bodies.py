@@ -232,7 +232,7 @@ def computed(kernels, name, *settings, **options):
 def driver_of(kernels, name, *settings, **options):
     """Return a driver at the start of a shipped scene with some `settings`."""
     control = control_of(name, *settings, **options)
-    return Driver(control.scenario, control.step, kernels)
+    return Driver(control.scenario, control.step)
 
 
 def drivers_of(kernels, name, *settings):
@@ -240,7 +240,7 @@ def drivers_of(kernels, name, *settings):
     control = control_of(name, *settings)
     drivers = []
     while not drivers or control.shortens(drivers[-1]):
-        drivers.append(Driver(control.scenario, control.step, kernels))
+        drivers.append(Driver(control.scenario, control.step))
         drivers[-1].advance()
     return drivers
 

@@ -38,7 +38,6 @@ from taichi_disk.experiments.computation.driver import Driver  # noqa: E402
 from taichi_disk.experiments.computation.scenario import Scenario  # noqa: E402
 from taichi_disk.experiments.computation.stability import TimeStep, spectrum  # noqa: E402
 from taichi_disk.experiments.computation.step_control import StepControl  # noqa: E402
-from taichi_disk.mechanics.simulation.simulation import shared_kernels  # noqa: E402
 
 SCENE = Path(__file__).with_suffix(".yaml")
 WALLS = (10.0, 1.0, 0.1, 0.02)  # k_a of the wall [M c^2/R^2]; the disk has 1
@@ -119,7 +118,7 @@ def impact(scene: Scene, body: Lattice) -> tuple[float, float, float]:
 
 
 def run(scenario: Scenario, step: TimeStep) -> Driver:
-    driver = Driver(scenario, step, shared_kernels())
+    driver = Driver(scenario, step)
     driver.advance()
     return driver
 

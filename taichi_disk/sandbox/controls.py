@@ -50,12 +50,12 @@ class Range(NamedTuple):
     high: float
 
 
-_TABLES = yaml.safe_load(read_text(Path(__file__).with_name("controls.yaml")))
+TABLES = yaml.safe_load(read_text(Path(__file__).with_name("controls.yaml")))
 RANGES = {
-    key: Range(*row, *SLIDERS.get(key, ())) for key, row in _TABLES["ranges"].items()
+    key: Range(*row, *SLIDERS.get(key, ())) for key, row in TABLES["ranges"].items()
 }
-CHOICES = _TABLES["choices"]
-REPEATING_KEYS = _TABLES["repeating"]
+CHOICES = TABLES["choices"]
+REPEATING_KEYS = TABLES["repeating"]
 SVG = '<svg xmlns="http://www.w3.org/2000/svg"><path d="{}"/></svg>\n'
 
 

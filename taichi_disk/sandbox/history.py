@@ -20,7 +20,7 @@ from taichi_disk.experiments.scenes.setup import body_of, spectrum_of
 from taichi_disk.mechanics.lattice import Array, Lattice
 from taichi_disk.mechanics.physics import MouseSpring
 from taichi_disk.mechanics.simulation.observables import INDEX, of_kind
-from taichi_disk.mechanics.simulation.simulation import MAX_STEPS, KernelCache
+from taichi_disk.mechanics.simulation.simulation import MAX_STEPS
 from taichi_disk.mechanics.simulation.stepping import Snapshot
 
 # first time between two stored states, over the springs' time unit
@@ -54,13 +54,12 @@ class Segment(Driver):
     def __init__(
         self,
         control: StepControl,
-        kernels: KernelCache,
         label: str = "",
         began: float = 0.0,
         hit_began: float = 0.0,
         lost_before: Array = NOTHING_LOST,
     ) -> None:
-        super().__init__(control.scenario, control.step, kernels)
+        super().__init__(control.scenario, control.step)
         self.last_step = MAX_STEPS  # there is no time limit
         self.control = control
         self.label = label
@@ -96,7 +95,6 @@ class Segment(Driver):
             return None
         return Segment(
             control=self.control,
-            kernels=self.kernels,
             label=self.label,
             began=self.began,
             hit_began=self.hit_began,
@@ -183,12 +181,12 @@ class Timeline:
             state reached before the scene began again with a shorter step.
     """
 
-    def __init__(self, start: Start, kernels: KernelCache) -> None:
+    def __init__(self, start: Start) -> None:
         """Begin at t = 0. Raises TaichiDiskError if the scene cannot be computed."""
         self.start = start
         self.checkpoints: list[Checkpoint] = []
         self.spacing = STORE_SPACING * start.scenario.model.springs.time_unit
-        self._follow(Segment(StepControl(start.scenario, start.spectrum), kernels))
+        self._follow(Segment(StepControl(start.scenario, start.spectrum)))
 
     def carry_on(self, start: Start, label: str, velocities: Array | None) -> None:
         """Begin another segment from the present state, or with other `velocities` (n,
@@ -217,7 +215,6 @@ class Timeline:
             lost_before = NOTHING_LOST
         segment = Segment(
             control=StepControl(scenario, self.start.spectrum),
-            kernels=last.kernels,
             label=label,
             began=now.t,
             hit_began=hit_began,

@@ -15,7 +15,6 @@ from taichi_disk.experiments.computation.diagnostics import warnings
 from taichi_disk.experiments.scenes import Scene
 from taichi_disk.mechanics.lattice import Array, Lattice
 from taichi_disk.mechanics.simulation.observables import INDEX
-from taichi_disk.mechanics.simulation.simulation import KernelCache
 from taichi_disk.mechanics.statics.equilibrium import turned
 from taichi_disk.sandbox.history import (
     DISTURBED,
@@ -161,13 +160,8 @@ class Sandbox:
     _load_before = 0.0
     _slowed = 1.0
 
-    def __init__(
-        self,
-        scene: Scene,
-        kernels: KernelCache,
-    ) -> None:
+    def __init__(self, scene: Scene) -> None:
         """Begin with `scene`. Raises TaichiDiskError."""
-        self.kernels = kernels
         self.scene = scene
         self.results: list[Experiment] = []
         self._warnings: list[str] = []
@@ -180,7 +174,7 @@ class Sandbox:
         Raises TaichiDiskError, and then leaves everything as it was.
         """
         scene = scene or self.scene
-        self.time = Timeline(self._start(scene), self.kernels)
+        self.time = Timeline(self._start(scene))
         self.scene = replace(self.time.start.scenario.scene, video=scene.video)
         self.starts = self.starts + 1
         self.paused = True

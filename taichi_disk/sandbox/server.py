@@ -21,7 +21,6 @@ from websockets.asyncio import server
 from taichi_disk.base.errors import InputError, TaichiDiskError
 from taichi_disk.base.runtime import alone
 from taichi_disk.base.signals import raise_if_interrupted
-from taichi_disk.mechanics.simulation.simulation import KernelCache
 from taichi_disk.sandbox.controls import Preset
 from taichi_disk.sandbox.door import answer
 from taichi_disk.sandbox.history import Timeline, start_of
@@ -38,15 +37,14 @@ _CLOSE_TIME = 0.5  # time that pages get for saying goodbye at the end [s]
 class Sessions:
     """The sessions of the pages, by the keys that the pages have chosen."""
 
-    def __init__(self, playlist: list[Preset], kernels: KernelCache) -> None:
+    def __init__(self, playlist: list[Preset]) -> None:
         self._playlist = playlist
-        self._kernels = kernels
         self._known: dict[str, Session] = {}
 
     def find(self, key: str) -> Session:
         """Return the session with this key, or a new one; the last ones are kept."""
         known = self._known
-        session = known.pop(key, None) or Session(self._playlist, self._kernels)
+        session = known.pop(key, None) or Session(self._playlist)
         known[key] = session
         if len(known) > KEPT:
             del known[next(iter(known))]
@@ -61,7 +59,7 @@ class Sessions:
             while not known or any(one.is_busy for one in known.values()):
                 await asyncio.sleep(QUIET_TIME)
             with suppress(TaichiDiskError):
-                Timeline(start_of(entry.load()), self._kernels)
+                Timeline(start_of(entry.load()))
 
 
 def serve(
@@ -79,7 +77,7 @@ def serve(
     listening = _listen(host, port)
     # The page shows that its kernels are compiled, so they wait for it.
     start_of(playlist[0].load())
-    sessions = Sessions(playlist, KernelCache())
+    sessions = Sessions(playlist)
     token = secrets.token_urlsafe(8)
     name = f"[{host}]" if ":" in host else host
     address = f"http://{name}:{listening.getsockname()[1]}/{token}/"

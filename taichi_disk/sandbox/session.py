@@ -20,7 +20,6 @@ from taichi_disk.base.text_files import read_text
 from taichi_disk.mechanics.fields import Triangles
 from taichi_disk.mechanics.lattice import OwnStart, outline_name
 from taichi_disk.mechanics.simulation.observables import INDEX
-from taichi_disk.mechanics.simulation.simulation import KernelCache
 from taichi_disk.pictures.web.drawing import (
     Message,
     colour_values,
@@ -31,6 +30,7 @@ from taichi_disk.sandbox.controls import (
     CHOICES,
     RANGES,
     REPEATING_KEYS,
+    TABLES,
     Controls,
     Preset,
     described,
@@ -42,21 +42,7 @@ MAX_BYTES = 2**10  # limit of a page's message
 MAX_NUMBER = 1e7  # limit of a number in it
 # most commands that wait for the next picture; of some, only the latest counts
 _MAX_PENDING = 64
-# A page's commands and their values, by the part of `Session` that has a method of the
-# same name. By those of `page`, it says that it has drawn a state, asks whether the
-# program is there, or wants a film.
-_METHODS = {
-    "controls": "press key, play number, set key value, collect, outline path",
-    "sandbox": "scrub t, turn angle final, aim dx dy, throw, pull x y, release, clear,"
-    " remove number",
-    "scales": "rescale",
-    "page": "seen number, alive, film",
-}
-_COMMANDS = {
-    do: (part, values)
-    for part, text in _METHODS.items()
-    for do, *values in map(str.split, text.split(", "))
-}
+_COMMANDS = TABLES["commands"]
 # commands of which only the latest counts
 _REPLACED = ("set", "scrub", "turn", "aim", "pull")
 # points; a larger lattice takes longer to build than a picture may take
@@ -69,7 +55,8 @@ def read_command(text: Any) -> Message | None:
     no page sends the message."""
     try:
         content = json.loads(text)
-        message = {name: content[name] for name in ("do", *_COMMANDS[content["do"]][1])}
+        _, *values = _COMMANDS[content["do"]]
+        message = {name: content[name] for name in ("do", *values)}
         key = message.get("key")
         words = ["do", "key", "path"]
         if key in CHOICES:
@@ -98,10 +85,10 @@ class Session:
         news: set when something may have to be computed or shown.
     """
 
-    def __init__(self, playlist: list[Preset], kernels: KernelCache) -> None:
+    def __init__(self, playlist: list[Preset]) -> None:
         """Begin with the first scene of the list. Raises TaichiDiskError if the scene
         cannot be built."""
-        self.sandbox = Sandbox(playlist[0].load(), kernels)
+        self.sandbox = Sandbox(playlist[0].load())
         self.controls = Controls(self.sandbox, playlist)
         self.scales = ScaleMaxima(self.sandbox)
         self.number = 0
@@ -172,8 +159,8 @@ class Session:
             self.controls.attempt(self._carry_out, *command.values())
 
     def _carry_out(self, kind: str, *values: Any) -> None:
-        part, _ = _COMMANDS[kind]
-        getattr(getattr(self, part), kind)(*values)
+        part = getattr(self, _COMMANDS[kind][0])
+        getattr(part, kind)(*values)
 
     def _begin_anew(self, reason: str) -> None:
         """Begin the present scene."""
@@ -373,18 +360,6 @@ class Session:
         return choices
 
 
-# keys of what a small picture of a scene shows
-_SKETCHED = (
-    "wall.a",
-    "wall.boundary",
-    "impact.velocity",
-    "impact.angle",
-    "impact.spin",
-    "impact.turn",
-    "compression.pressure",
-)
-
-
 @cache
 def _card(entry: Preset) -> Message:
     """Return what the page's list shows of a scene; the numbers of its first state, for
@@ -399,6 +374,6 @@ def _card(entry: Preset) -> Message:
         card["kind"] = scene.scene
         if scene.lattice.outline != "none":
             card["outline"] = read_text(Path(scene.lattice.outline))
-        for key in _SKETCHED:
+        for key in TABLES["sketched"]:
             card[key.partition(".")[2]] = value_of(scene, key)
     return card

@@ -34,12 +34,11 @@ def states(scene, settings):
 
     runtime.start()
     from taichi_disk.experiments.scenes import load_scene
-    from taichi_disk.mechanics.simulation.simulation import KernelCache
     from taichi_disk.sandbox.app import list_presets
     from taichi_disk.sandbox.session import Session
 
     presets = list_presets(load_scene(scene, settings))
-    session = Session(presets, KernelCache())
+    session = Session(presets)
     stepping = 0.0
     advance = session.sandbox.advance
 

@@ -32,7 +32,7 @@ Act = Callable[[int], Awaitable[None]]  # what visitors do, given the port
 
 @pytest.fixture
 def sessions(kernels):
-    return Sessions(2 * PLAYLIST, kernels)
+    return Sessions(2 * PLAYLIST)
 
 
 def handshake(port):
@@ -140,7 +140,6 @@ def test_pages_that_are_silent_do_not_hold_up_the_end(sessions):
 @pytest.fixture
 def quick(monkeypatch, kernels):
     """Let servers compile nothing anew, and leave the garbage of tests."""
-    monkeypatch.setattr(server, "KernelCache", lambda: kernels)
     monkeypatch.setattr(server, "gc", Mock())
 
 

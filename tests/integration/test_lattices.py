@@ -159,7 +159,7 @@ def test_a_run_in_python_says_that_lattices_were_folded(notices):
     result = run(SCENE, lattices=3, velocity=0.7)
     of_this, of_others = result.warnings
     assert "turned inside out" in of_this
-    assert of_others.startswith("2 of 2 other lattices, on the first: ")
+    assert of_others.startswith("2 of 2 other lattices, one of them: ")
     assert "…" not in of_others
     assert notices.messages == result.warnings
     assert "see .warnings" in repr(result)

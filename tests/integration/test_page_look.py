@@ -9,7 +9,6 @@ import pytest
 
 from taichi_disk import load_scene
 from taichi_disk.base import runtime
-from taichi_disk.mechanics.simulation.simulation import shared_kernels
 from taichi_disk.sandbox import server
 from taichi_disk.sandbox.app import list_presets
 from taichi_disk.sandbox.history import Timeline, start_of
@@ -21,10 +20,10 @@ def address():
     """Return the address of a server that shares its kernels with other tests."""
     runtime.start()
     playlist = list_presets(load_scene("exponential_wall", SETTINGS))
-    sessions = server.Sessions(playlist, shared_kernels())
+    sessions = server.Sessions(playlist)
     for entry in (playlist[0], playlist[3]):
         # the thread of the server cannot compile
-        Timeline(start_of(entry.load()), shared_kernels())
+        Timeline(start_of(entry.load()))
     loop = asyncio.new_event_loop()
     with socket.create_server(("127.0.0.1", 0)) as listening:
         serving = loop.create_task(server.run(sessions, "secret", listening))

@@ -360,7 +360,7 @@ def fate(number, kernels):
         return scenario
 
     with patch(
-        "taichi_disk.experiments.computation.outcome.shared_kernels", lambda: kernels
+        "taichi_disk.experiments.computation.driver.shared_kernels", lambda: kernels
     ):
         verdict = judge(prepare, estimate=False)
     if verdict.text == TOO_LONG:

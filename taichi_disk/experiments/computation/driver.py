@@ -31,8 +31,8 @@ from taichi_disk.mechanics.simulation.observables import (
 from taichi_disk.mechanics.simulation.simulation import (
     MAX_STEPS,
     NEVER,
-    KernelCache,
     Simulation,
+    shared_kernels,
 )
 from taichi_disk.mechanics.simulation.stepping import Snapshot
 
@@ -60,7 +60,7 @@ class Driver:
     """One run of a scenario with one time step, from t = 0 to its end or its failure.
 
     Attributes:
-        scenario, step, kernels: as given; `kernels` caches compiled simulations.
+        scenario, step: as given.
         stride: number of steps between two rows.
         interval: time between two rows [R/c].
         last_step: number of the step at which the run fails if it has not ended.
@@ -81,12 +81,9 @@ class Driver:
 
     can_end = True
 
-    def __init__(
-        self, scenario: Scenario, step: TimeStep, kernels: KernelCache
-    ) -> None:
+    def __init__(self, scenario: Scenario, step: TimeStep) -> None:
         self.scenario = scenario
         self.step = step
-        self.kernels = kernels
         self.stride = max(1, round(scenario.row_interval / step.dt))
         self.interval = self.stride * step.dt
         self.simulation = self._simulation()
@@ -110,7 +107,7 @@ class Driver:
         self.largest_force = 0.0
 
     def _simulation(self) -> Simulation:
-        return self.kernels.simulation(
+        return shared_kernels().simulation(
             lattice=self.scenario.lattice,
             model=self.scenario.model,
             integrator=self.step.integrator,

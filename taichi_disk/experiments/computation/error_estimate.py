@@ -184,7 +184,7 @@ def _turned(driver: Driver, angle: float) -> Driver:
     arm = positions[:n] - lattice.mean(positions)
     positions[:n] += angle * quarter_turned(arm)
     start = replace(driver.scenario, lattice=replace(lattice, positions=positions))
-    other = Driver(start, driver.step, driver.kernels)
+    other = Driver(start, driver.step)
     other.advance()
     return other
 

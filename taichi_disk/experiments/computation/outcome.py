@@ -24,7 +24,6 @@ from taichi_disk.experiments.computation.words import Numbers
 from taichi_disk.mechanics.lattice import Array, Lattice
 from taichi_disk.mechanics.physics import Model
 from taichi_disk.mechanics.simulation.observables import Columns, split
-from taichi_disk.mechanics.simulation.simulation import shared_kernels
 
 # a run with more spring evaluations (some 5 s) gets no second run for an error estimate
 ESTIMATE_UP_TO = 1.3e9
@@ -121,7 +120,7 @@ class Runs:
     def run(self, step: TimeStep) -> Driver:
         """Return the driver of a run that has finished or failed."""
         self.attempts += 1
-        driver = Driver(self.scenario, step, shared_kernels())
+        driver = Driver(self.scenario, step)
         self.progress(self.stage, 0.0, self.last)
         while driver.advance(seconds=0.1) == "running":
             self.progress(self.stage, driver.simulation.time, self.last)

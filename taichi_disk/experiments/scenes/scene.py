@@ -108,8 +108,8 @@ class DiskScene(Frozen):
         if material.viscosity != "auto" and material.eta_star != usual:
             text = (
                 f"{material.viscosity:g} and material.eta_star = {material.eta_star:g}"
-                f" both set the dashpots: for the viscosity write eta_star={usual:g},"
-                " its default, too; for eta_star write viscosity=auto"
+                f" both set the dashpots: add eta_star={usual:g}, and only the"
+                " viscosity counts, or viscosity=auto, and only eta_star counts"
             )
             found.append(("material.viscosity", text))
         if "none" not in (spec.file, spec.outline):

@@ -61,7 +61,7 @@ def lattice_key(scene: Scene) -> Hashable:
     return (
         type(scene),
         scene.material.k_a,
-        file_digest(scene.lattice.file),
-        file_digest(scene.lattice.outline),
+        file_digest(scene.lattice, "file"),
+        file_digest(scene.lattice, "outline"),
         *of_lattice,
     )

@@ -65,8 +65,8 @@ def check_body(x: Array, max_offset: float) -> None:
     if not _MIN_EXTENT <= max(width, height) <= _MAX_EXTENT:
         raise InputError(
             f"the points extend over {width:.4g} x {height:.4g} R: the larger must be"
-            f" between {_MIN_EXTENT:g} and {_MAX_EXTENT:g} R (lengths are in units of"
-            " the disk's radius R)"
+            f" between {_MIN_EXTENT:g} and {_MAX_EXTENT:g} R (points are in units of"
+            " the disk's radius R; an outline gets the area of the disk)"
         )
     middle = x[:, 0].mean()
     if abs(middle) > max_offset:

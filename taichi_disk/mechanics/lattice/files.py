@@ -47,12 +47,13 @@ def reading(path: Path, key: str) -> Iterator[None]:
         raise InputError(f"lattice.{key}: {what}") from error
 
 
-def file_digest(file: str) -> str:
-    """Return the SHA-256 of a file named in `lattice`, or "" for `none`. Raises
-    InputError if it cannot be read."""
+def file_digest(section: Any, key: str) -> str:
+    """Return the SHA-256 of the file that `key` of the section `lattice` names, or ""
+    for `none`. Raises InputError if it cannot be read."""
+    file = getattr(section, key)
     if file == "none":
         return ""
-    with reading(Path(file), "file"):
+    with reading(Path(file), key):
         return hashlib.sha256(Path(file).read_bytes()).hexdigest()
 
 

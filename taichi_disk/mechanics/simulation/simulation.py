@@ -347,10 +347,6 @@ class KernelCache:
         self._known: dict[Any, Program] = {}
         self._last: tuple[Any, Any] = None, None
 
-    def __reduce__(self) -> Any:
-        # a pickled cache is empty: another process compiles its own kernels
-        return KernelCache, ()
-
     def simulation(
         self,
         lattice: Lattice,

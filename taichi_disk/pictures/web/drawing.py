@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 from base64 import b64encode
-from collections.abc import Sequence
 from dataclasses import asdict
 from importlib.resources import files
 from itertools import product
@@ -23,7 +22,7 @@ from taichi_disk.experiments.config.sections import VideoSection
 from taichi_disk.mechanics.fields import QUANTITIES, Triangles, at_points, own_values
 from taichi_disk.mechanics.lattice import Array, Lattice
 from taichi_disk.pictures.render.geometry import edge_height
-from taichi_disk.pictures.render.palette import THEMES, Theme, colour_map, map_kind
+from taichi_disk.pictures.render.palette import THEMES, Theme, colour_map, ink, map_kind
 
 Message = dict[str, Any]  # a part of what a page is sent, ready for JSON
 # colour of what the user can drag
@@ -119,13 +118,8 @@ def _wall(lattice: Lattice, wall: Any, force: float) -> Message:
 
 def _colours(theme: Theme) -> dict[str, str]:
     names = ("ground", "ink", "faint", "wall", "arrow", "velocity", "rule")
-    colours = {name: _css(getattr(theme, name)) for name in names}
+    colours = {name: f"rgb{ink(getattr(theme, name))}" for name in names}
     return colours | {"accent": _ACCENT}
-
-
-def _css(colour: Sequence[float]) -> str:
-    parts = [str(round(255 * part)) for part in colour]
-    return f"rgb({', '.join(parts)})"
 
 
 def encoded(values: Any, kind: Any) -> str:

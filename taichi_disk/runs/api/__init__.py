@@ -32,6 +32,7 @@ from taichi_disk.experiments.scenes.scene import DiskScene
 from taichi_disk.mechanics.lattice import Array, Lattice, disk_of
 from taichi_disk.mechanics.statics.modes import Modes, modes
 from taichi_disk.pictures.render.artist import drawing_process
+from taichi_disk.pictures.render.moments import Span, time_of
 from taichi_disk.runs.api.film import film
 from taichi_disk.runs.api.lattices import MOST_LATTICES
 from taichi_disk.runs.api.work import FRAMES, MOST_FRAMES, Work
@@ -64,7 +65,7 @@ class Result(Outcome):
     def __repr__(self) -> str:
         number = headline(self.summary, self.scenario.words.labels)
         if not number:
-            name, value = next(iter(self.numbers.items()))
+            name, value = self.scenario.primary(self.series)
             parts = shown(value, self.error, exact=self.scenario.static)
             number = " ".join((name, *parts)).strip()
         if self.warnings:
@@ -284,8 +285,6 @@ class Result(Outcome):
 
     def _times(self, moments: Any) -> Array:
         """Return the times (T,) [R/c] of one or several ascending moments."""
-        from taichi_disk.pictures.render.moments import time_of
-
         # objects, because a list may have words beside numbers
         given = np.atleast_1d(np.asarray(moments, object))
         times = np.array([time_of(one, self) for one in given])
@@ -393,7 +392,6 @@ class Result(Outcome):
         drawn or written.
         """
         from taichi_disk.pictures.render.film import check_target
-        from taichi_disk.pictures.render.moments import Span
 
         path = as_path(path, "path")
         compared = [compare] if isinstance(compare, Result) else compare or ()

@@ -104,7 +104,7 @@ def compare_lattices(
             )
     for text, warned in by_kind(warnings):
         outcome.summary["warnings"].append(
-            f"{warned} of {count - 1} other lattices, on the first: {text}"
+            f"{warned} of {count - 1} other lattices, one of them: {text}"
         )
     comparison: Summary = {"seeds": seeds}
     if len(results) == 1:

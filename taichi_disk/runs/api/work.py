@@ -83,7 +83,7 @@ class Work:
     @property
     def digest(self) -> str:
         """Digest of what the user supplied besides the scene; "" if nothing."""
-        return self.own.digest + file_digest(self.scene.lattice.outline)
+        return self.own.digest + file_digest(self.scene.lattice, "outline")
 
     def lap(self, stage: str, **within: float) -> None:
         """Add the time since the last lap to `stage`, minus the times `within` it,

@@ -210,10 +210,9 @@ def draw(name: str, steps: list[StepError], path: Path, title: str) -> None:
             seconds = [p.seconds for p in curve]
             errors = [p.error for p in curve]
             axes.loglog(seconds, errors, "o-", color=colour, ms=4, label=integrator)
-            for p in curve:
-                if p.is_default:
-                    ring = {"ms": 12, "mfc": "none", "color": colour}
-                    axes.loglog(p.seconds, p.error, "o", **ring)
+        run = next(p for p in steps if p.is_default)
+        ring = {"ms": 12, "mfc": "none", "color": COLOURS[run.integrator]}
+        axes.loglog(run.seconds, run.error, "o", **ring)
         axes.set_xlabel("time to solution  [s]")
         axes.set_ylabel(f"error of {name}")
         axes.set_title(title, fontsize=10)

@@ -58,7 +58,7 @@ def _parameters(fit: Summary) -> list[str]:
             continue
         part = f"{name} = {value:.4g}"
         low, high = fit["intervals_95"].get(name, (None, None))
-        if low is not None and high is not None:
+        if low is not None:
             part += f" [{low:.4g}, {high:.4g}]"
         parts.append(part)
     return parts

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import asdict, dataclass
 from math import isfinite
@@ -230,9 +230,10 @@ def run_sweep(
                 _write_point(out, key, missing[key], result)
                 results[key] = result
                 progress("sweep", len(results), len(scenes))
-        rows = _rows(sweep, [key for key in keys if key in scenes], scenes, results)
+        results = {key: results[key] for key in keys if key in scenes}
+        rows = _rows(sweep, scenes, results)
         summary = _summary(sweep, rows, computed_now=len(results) - stored)
-        summary["warnings"] = _counted_warnings([results[key] for key in scenes])
+        summary["warnings"] = _counted_warnings(results)
         if part is None:
             _write_table(out, sweep, rows, summary, started)
         else:
@@ -242,8 +243,10 @@ def run_sweep(
         return SweepResult(rows, summary, out, sweep)
 
 
-def _counted_warnings(results: Sequence[PointResult]) -> list[str]:
-    texts = [text for result in results for text in result.warnings]
+def _counted_warnings(results: dict[str, PointResult]) -> list[str]:
+    texts: list[str] = []
+    for result in results.values():
+        texts += result.warnings
     return [
         f"{count} of {len(results)} points have a warning, the first: {text}"
         for text, count in by_kind(texts)
@@ -286,19 +289,16 @@ def _begin_table(out: Path, sweep: Sweep) -> None:
 
 
 def _rows(
-    sweep: Sweep,
-    keys: Sequence[str],
-    scenes: executors.Scenes,
-    results: dict[str, PointResult],
+    sweep: Sweep, scenes: executors.Scenes, results: dict[str, PointResult]
 ) -> list[Row]:
-    """Return the rows of points.csv, in the order of `keys`. A number that was used and
-    has the name of an axis, such as `dt`, gets a column of its own, `dt_taken`."""
+    """Return the rows of points.csv, in the order of the results. A number that was
+    used and has the name of an axis, such as `dt`, gets a column of its own,
+    `dt_taken`."""
     known = set().union(*(result.numbers for result in results.values()))
     base = sweep.scenes[0]
     optional = [name for name in base.optional_results if name in known]
     rows = []
-    for key in keys:
-        result = results[key]
+    for key, result in results.items():
         row = sweep.place_of(scenes[key])
         for name in (*base.results, *optional, *DIAGNOSTICS):
             column = name
@@ -446,8 +446,8 @@ def point_key(scene: Scene) -> str:
     """
     sections = asdict(scene)
     del sections["video"]
-    spec = scene.lattice
-    files = [file_digest(file) for file in (spec.file, spec.velocities, spec.outline)]
+    keys = ("file", "velocities", "outline")
+    files = [file_digest(scene.lattice, key) for key in keys]
     contents = [relevant_versions(), sections, files]
     text = json.dumps(contents, sort_keys=True, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:20]

@@ -132,7 +132,7 @@ CONFLICTS = {
         r"time\.integrator: trapezoidal .* axial"
     ),
     f"{RIGID} material.viscosity=0.01 material.eta_star=3": "both set",
-    f"{WALL} material.viscosity=0.0 material.eta_star=10": "eta_star=0, its default",
+    f"{WALL} material.viscosity=0.0 material.eta_star=10": "add eta_star=0",
     f"{WALL} {ORDER_4} wall.boundary=dashpot": "= dashpot",
     f"{WALL} {ORDER_4}": "2 with",
 }

@@ -17,7 +17,7 @@ def controls(kernels):
         settings = ["lattice.points=120", f"impact.velocity={speed}"]
         load = partial(load_scene, "exponential_wall", settings)
         playlist.append(Preset(f"v = {speed}", "", load))
-    return Controls(Sandbox(playlist[0].load(), kernels=kernels), playlist)
+    return Controls(Sandbox(playlist[0].load()), playlist)
 
 
 @pytest.mark.validate

@@ -46,7 +46,7 @@ ACTS = (
 
 def test_a_page_is_sent_what_is_recorded(playlist, kernels, record, monkeypatch):
     monkeypatch.setattr("taichi_disk.sandbox.sandbox.perf_counter", lambda: 0.0)
-    session = Session(playlist, kernels)
+    session = Session(playlist)
     before = [one for one in told(session) if "yaml" in one]
     lines = []
     for act in (None, *ACTS):

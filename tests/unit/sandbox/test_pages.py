@@ -49,7 +49,7 @@ class Reader:
 
 @pytest.fixture
 def sessions(playlist, kernels):
-    return Sessions(playlist, kernels)
+    return Sessions(playlist)
 
 
 def visited(test):

@@ -21,7 +21,7 @@ WALL = [*SMALL[:2], "wall.points=160", "wall.threshold=0.11"]
 
 
 def opened(kernels, settings=SMALL, scene="exponential_wall"):
-    return Sandbox(load_scene(scene, settings), kernels=kernels)
+    return Sandbox(load_scene(scene, settings))
 
 
 @pytest.fixture

@@ -27,7 +27,7 @@ WEB = Path(__file__).parents[3] / "taichi_disk" / "pictures" / "web"
 
 @pytest.fixture
 def session(playlist, kernels):
-    return Session(playlist, kernels)
+    return Session(playlist)
 
 
 def say(session, kind, **more):
@@ -282,7 +282,7 @@ def test_names_that_are_not_utf_8_reach_every_page(kernels, tmp_path):
         path.write_text("scene: exponential_wall\nlattice: {points: 60}\n")
     except OSError:
         pytest.skip("this file system takes only UTF-8")
-    session = Session(list_folder(tmp_path), kernels)
+    session = Session(list_folder(tmp_path))
     texts = [each for kind, each in session.messages.items() if kind != "state"]
     assert "".join(texts).encode()
     assert panel(session)["name"] == "\udcff"
@@ -294,7 +294,7 @@ def test_every_scene_of_the_list_ends_as_run_does_after_random_events(number, ke
     """What a user does before the throw leaves no trace in the scene as it is listed,
     and the time between two pictures changes no digit."""
     entries = list_presets(None)
-    session = Session(entries, kernels)
+    session = Session(entries)
     choose = random.Random(number)
     keys = [key for key in "bnrhzxadlecy" if key in session.controls.actions]
     for _ in range(12):

@@ -36,7 +36,7 @@ def moved(sandbox, k):
 
 def ends(kernels, scenes):
     """Return what the sandboxes of `scenes` show after a hundred pictures each."""
-    boxes = [Sandbox(load_scene(*one), kernels) for one in scenes]
+    boxes = [Sandbox(load_scene(*one)) for one in scenes]
     for one in boxes:
         one.pause()
     for k in range(100):
@@ -55,7 +55,7 @@ def test_sandboxes_in_turn_move_as_each_does_alone(kernels):
 
 def test_a_timeline_that_is_full_drops_every_second_state(kernels, monkeypatch):
     monkeypatch.setattr(history, "MAX_STATES", 8)
-    sandbox = Sandbox(load_scene("exponential_wall", SCENES[0][1]), kernels)
+    sandbox = Sandbox(load_scene("exponential_wall", SCENES[0][1]))
     spacing = sandbox.time.spacing
     sandbox.pause()
     for _ in range(20):
