@@ -67,12 +67,6 @@ def with_key(scene: Scene, key: str, value: Any) -> Scene:
     return scene.with_(scene.changes_with(key, value))
 
 
-def printed(symbol: str, value: float) -> str:
-    """Return a result with the digits that another lattice leaves: e to the third
-    decimal, ξ to three digits."""
-    return f"{value:.3f}" if symbol == "e" else f"{value:.3g}"
-
-
 class Experiment(
     namedtuple(
         "Experiment",
@@ -301,10 +295,9 @@ class Sandbox:
         self.results = [*self.results, experiment_of(segment)][-MAX_RESULTS:]
         self.message = ""
         self._warnings = warnings(segment.scenario, columns)
+        self.answer = segment.scenario.conclusion(columns)
         if segment.label == DISTURBED:  # a part of the energies may lie before
             self.answer = "You have disturbed it: this result is none of a throw."
-        else:
-            self.answer = segment.scenario.conclusion(columns)
 
     def _collect_next(self) -> None:
         loads = self.remaining_loads[1:]

@@ -447,7 +447,7 @@ def test_a_disk_under_gravity_goes_on_bouncing_after_its_result(kernels):
     assert sandbox.results[0].value == e
     assert not sandbox.paused
     second = outcome.summary["restitution_2"]
-    words = f"Bounce by bounce e: {e:.3f} {second:.3f}. Of the energy after the last, "
+    words = f"Bounce by bounce e: {e:.3f} {second:.3f}. Of the energy, "
     assert sandbox.answer.startswith(words)
     columns = outcome.series
     (top, _) = apexes(columns)
