@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 
 
 _WALLS = {
-    "reset": "wall that swallows waves",
-    "dashpot": "wall that swallows waves by dashpots",
-    "pinned": "wall that reflects waves",
+    "reset": "absorbing wall",
+    "dashpot": "wall on dashpots",
+    "pinned": "pinned wall",
 }
 
 
@@ -203,5 +203,6 @@ class AbsorbingWallScene(ImpactScene):
         )
         return matched_impedance(lattice, p, s)
 
-    def described(self, lattice: Lattice) -> str:
-        return f"{super().described(lattice)}    {_WALLS[self.wall.boundary]}"
+    @property
+    def wall_text(self) -> str:
+        return f"{_WALLS[self.wall.boundary]}    {super().wall_text}"

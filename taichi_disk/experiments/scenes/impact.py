@@ -205,6 +205,10 @@ class ImpactScene(DiskScene):
         """Return the laws that move `lattice`, the disk at t = 0 and its wall."""
 
     @property
+    def wall_text(self) -> str:
+        return f"a = {self.wall.a:g}/R"
+
+    @property
     def is_oblique(self) -> bool:
         """Whether there is an angle, a spin or friction, so that the motion along the
         wall matters."""
@@ -501,11 +505,8 @@ class ImpactScenario(Scenario):
         )
 
     def _title(self) -> Lines:
-        heading = self.scene.heading
-        if self.scene.impact.spin:
-            heading = "Impact with spin"
         numbers = "    ".join(self.numbers().values())
-        return heading, numbers, self.scene.described(self.lattice)
+        return self.scene.heading, numbers, self.scene.described(self.lattice)
 
     def numbers(self) -> dict[str, str]:
         """Return the parameters that a title shows, by what they describe."""
@@ -514,7 +515,7 @@ class ImpactScenario(Scenario):
         numbers = {
             "velocity": f"v = {impact.velocity:g} c",
             "damping": scene.damping,
-            "wall": f"a = {scene.wall.a:g}/R",
+            "wall": scene.wall_text,
         }
         optional = {
             "{:g} rad from the normal": impact.angle,

@@ -62,25 +62,27 @@ def arranged(
     disks: Sequence[Disk], width: int, letters: Letters, view: View
 ) -> tuple[Camera, list[Legend]]:
     """Return the camera of disks in pictures of `width` [px], and their words: in the
-    corners if no disk reaches them and walls are rigid, else in a band above. If the
-    band is too high, the least important parameters are left out of all pictures.
+    corners if no disk reaches them, else in a band above. If the band is too high, the
+    least important parameters are left out of all pictures.
 
-    The view ends at the footer.
+    The view ends at the footer, or at a remark above it.
     """
     height = letters.height
     bottom = float(height - letters.footer)
     beside = _MARGIN * letters.unit
+    is_elastic = any(one.painter.has_elastic_wall for one in disks)
     most = max(len(one.title.parameters) for one in disks)
-    counts: list[int | None] = [*range(most, -1, -1)]
-    if not any(one.painter.has_elastic_wall for one in disks):
-        counts.insert(0, None)
+    counts: list[int | None] = [None, *range(most, -1, -1)]
     for count in counts:
         legends = [
             legend(letters, width, one.title, one.captions, count) for one in disks
         ]
         header = max(one.header for one in legends)
+        lowest = bottom
+        if is_elastic and count is None:  # a remark stands below the wall
+            lowest -= 1.9 * letters.small.size
         camera = Camera.fit(
-            view, width, height, (beside, width - beside, float(header), bottom)
+            view, width, height, (beside, width - beside, float(header), lowest)
         )
         touching = [
             _touch(camera, one.outer, each.boxes, letters)

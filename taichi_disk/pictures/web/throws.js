@@ -71,7 +71,7 @@ export class Throws {
     ui.share.onchange = () => {
       const text = ui.share.value;
       const fault = this.set(readNumber(text.replace("%", "")) / 100);
-      if (fault) this.tell(`“${text.slice(0, 40)}” is no goal: write a number from 0 to 100.`);
+      if (fault) this.tell(`“${text.slice(0, 40)}” is no goal: write a number from 1 to 100.`);
     };
     ui.copy.onclick = () => copy(asText(ui.table, "\t"), this.tell, "Copied: paste it into a table.");
     ui.addresses.onchange = () => this.collect();
@@ -194,6 +194,7 @@ export class Throws {
     ui.steps.textContent = `${steps} steps in ${Math.round(duration)} ms, as run with velocity_verlet`;
     if (folded) this.tell(`${folded} triangles turned inside out: e means nothing. Throw slower.`);
     if (isNew && location.protocol !== "about:") history.replaceState(null, "", link);
+    if (ui.addresses.value) this.collect();
   }
 
   // Show e, when the film does, and how near it comes to the task. Both stay until the next throw.
@@ -205,13 +206,14 @@ export class Throws {
     const more = [shown.eta < viscosity.high && "more viscosity", shown.v < speed.high && "a faster throw"];
     const less = [shown.eta > viscosity.low && "less viscosity", shown.v > speed.low && "a slower throw"];
     const ways = (e > goal ? more : less).filter(Boolean).join(", or ") || "the sliders go no further";
-    const advice = isDone ? ": done ★" : `, too ${e > goal ? "large" : "small"}: ${ways}`;
+    const advice = isDone ? ": the task is done ★" : `, too ${e > goal ? "large" : "small"}: ${ways}`;
     const result = e ? `e = ${e.toFixed(3)}` : "";
     const text = goal && e ? result + advice : result;
     if (ui.verdict.textContent !== text) ui.verdict.textContent = text; // which a screen reader says
   }
 
-  // Throw what the pasted addresses say, one after the other. What a new throw ends stays in the field.
+  // Throw what the pasted addresses say, one after the other. What Stop or a new throw ends stays in the
+  // field until the next throw is done.
   async collect() {
     const { ui } = this;
     const lines = ui.addresses.value.split("\n").filter((line) => line.trim());

@@ -1,12 +1,17 @@
 """Words and scales of pictures: large enough, whole, and apart."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from matplotlib import font_manager, get_data_path
 
+from taichi_disk import load_scene
 from taichi_disk.pictures.render.letters import Letters, lacking
-from taichi_disk.pictures.render.words import label, round_below
+from taichi_disk.pictures.render.moments import Caption
+from taichi_disk.pictures.render.pictures import Disk, arranged
+from taichi_disk.pictures.render.words import Title, label, round_below
 
 
 def test_numbers_are_written_as_in_print():
@@ -34,3 +39,36 @@ def test_letters_that_the_font_lacks_come_from_a_font_of_the_system(monkeypatch)
     assert face.font("ᶁ = 5").path == others
     assert face.font("η* = 5").path == face.font("a").path != others
     assert lacking("ᶁ = 5") == ""
+
+
+@pytest.mark.parametrize("width", [3.8, 8.0])
+@pytest.mark.parametrize(("size", "factor", "least"), [(720, 1, 0.48), (360, 1.8, 0)])
+def test_words_leave_room_for_a_disk_and_an_elastic_wall(size, factor, least, width):
+    scenario = load_scene("absorbing_wall", ["lattice.points=60"]).scenario()
+    heading, *others = scenario.words.title
+    parameters = "    ".join(others).split("    ")
+    title = Title(heading, parameters, ("grey: range of the contact force",))
+    captions = [
+        Caption(2.05, "greatest compression", (), ("t = 2.05 R/c", "0.00 v")),
+        Caption(5.6, lines=("after t = 5.6 R/c",), result="e = 0.967"),
+    ]
+    angle = np.linspace(0.0, 2.0 * np.pi, 90)
+    disks = [
+        np.column_stack([np.sin(angle), height + np.cos(angle)])
+        for height in (0.95, 1.33)
+    ]
+    wall = SimpleNamespace(has_elastic_wall=True)
+    letters = Letters(size, factor)
+    view = (-0.5 * width, 0.5 * width, -0.5, 2.33)
+    camera, (legend,) = arranged(
+        [Disk(wall, title, captions, disks)], size, letters, view
+    )
+    assert 2.0 * camera.scale > least * size * 3.8 / width
+    _, surface = camera.to_pixels([0.0, 0.0])
+    _, bottom = camera.to_pixels([0.0, -0.5])
+    assert bottom <= size - letters.footer
+    columns, rows = camera.to_pixels(np.concatenate(disks)).T
+    for left, right, high, low in legend.boxes:
+        assert low < surface or high > bottom
+        is_inside = (left < columns) & (columns < right) & (high < rows) & (rows < low)
+        assert not is_inside.any()
