@@ -212,13 +212,12 @@ class Session:
         """The graphs are sent again if other curves are shown or the curves end; until
         then the page itself adds a point with each state."""
         time = self.sandbox.time
-        is_past = time.lead < 0.0
         return (
             time.segment,
             time.display.segment.hit_began,
             time.segment.status,
             self.sandbox.paused,
-            is_past,
+            time.lead < 0.0,
         )
 
     def _write(self, kind: str, key: Any, content: Callable[[], Message]) -> None:
@@ -358,8 +357,10 @@ class Session:
         for key, name in CHOICES.items():
             value = self.controls.value(key)
             if value is not None:
-                choice = {"key": key, "name": name, "value": value}
-                choices.append(choice | {"options": self.controls.options(key)})
+                options = self.controls.options(key)
+                choices.append(
+                    {"key": key, "name": name, "value": value, "options": options}
+                )
         return choices
 
 

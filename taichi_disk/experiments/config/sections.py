@@ -456,7 +456,6 @@ class VideoSection(Section):
         "height above the wall at which the film of an impact begins and ends; 0: no"
         " flight",
         "R",
-        low=0,
         high=2,
     )
     ringing: Literal["auto", "none"] = key(
