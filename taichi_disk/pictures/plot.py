@@ -123,6 +123,8 @@ def curves(scenario: Scenario, columns: Columns) -> list[TimeCurve]:
         if look.column == "load":
             if scenario.static:
                 continue
+            if scenario.is_thrown:
+                name = "height"
             values = values - values[0]
         if np.abs(values).max() > VISIBLE_ENERGY * largest:
             found.append(TimeCurve(look, values, name))
