@@ -235,6 +235,7 @@ def rgb(colour):
 HEIGHTS = [
     ((300, 180), 110),
     ((320, 256), 190),
+    ((500, 400), 230),
     ((800, 500), 400),
     ((834, 640), 350),
     ((1366, 768), 520),
@@ -258,6 +259,8 @@ def test_in_a_frame_the_picture_has_the_room(browser, folder):
         browser.script("document.getElementById('looking').scrollIntoView()")
         names = "document.getElementById('names').getBoundingClientRect()"
         assert browser.script(f"return {names}.bottom") <= size[1] + 1
+        seen = "return document.querySelector('aside').clientHeight"
+        assert browser.script(seen) >= 44, size
 
 
 def test_without_a_script_a_sentence_says_so_and_no_control_is_seen(browser, folder):
@@ -379,7 +382,7 @@ def test_a_throw_is_its_address_which_is_written_when_it_is_made(browser, thrown
     assert browser.script("return document.getElementById('share').value") == "90"
     assert browser.text("verdict") == ""
     browser.script(MOVE, 20)
-    verdict = f"e = {e:.3f}, too slow: less viscosity, or a slower throw"
+    verdict = f"e = {e:.3f}, too small: less viscosity, or a slower throw"
     assert browser.text("verdict") == verdict
     browser.script(MOVE, 0)
     browser.script(CHOOSE, "eta", 0.0)  # of a throw that is not made
@@ -408,7 +411,7 @@ ADDRESSES = [
     ("#v=0%2C02&video.goal=0,9", ("0.02", "10", "90"), ""),
     ("#v=0.5&eta=3", ("0.1", "3", ""), "0.5 is beyond the slider: 0.1."),
     ("#speed=0.02&eta=3", ("0.05", "3", ""), "Not read: speed; write v, eta, goal."),
-    ("#goal=90", OWN, "90 is no goal: write 0.9, or 90 %."),
+    ("#goal=85", OWN, "85 is no goal: write 0.85, or 85 %."),
     ("#v=1,500&eta=3", ("0.05", "3", ""), "v: “1,500” is not read as a number"),
 ]
 HOSTILE = [
@@ -490,7 +493,7 @@ def test_the_task_is_in_the_file_and_a_button_clears_it(browser, tmp_path):
     browser.script("location.hash = '#v=0.1&eta=100&goal=0.01'")
     browser.wait(lambda: "v = 0.1 c" in title_of(browser))
     browser.script(MOVE, 20)
-    assert browser.text("verdict").endswith("too fast: the sliders go no further")
+    assert browser.text("verdict").endswith("too large: the sliders go no further")
     browser.script("location.hash = '#goal=none'")
     browser.wait(lambda: numbers_in(browser)[2] == "")
     browser.click("task")
@@ -506,8 +509,14 @@ def test_the_task_is_in_the_file_and_a_button_clears_it(browser, tmp_path):
     )
     near = 100.0 * float(result.removeprefix("e = ")) - 0.2
     browser.script(CHOOSE, "share", f"{near:.1f}")
-    assert browser.text("verdict") == f"★★★ {result}: the task is done"
+    assert browser.text("verdict") == f"{result}: the task is done ★"
+    browser.script(CHOOSE, "share", f"{near + 0.6:.1f}")
+    assert "too small: less viscosity" in browser.text("verdict")
     browser.script(CHOOSE, "share", "75 %")
+    assert browser.text("task") == "Clear task"
+    for numbers in ("", "75"):  # the last task comes back, not the file's
+        browser.click("task")
+        assert numbers_in(browser)[2] == numbers
     browser.click("throw")
     browser.wait(lambda: browser.script(HERE) == "#v=0.05&eta=10&goal=0.75")
 
@@ -713,7 +722,7 @@ def test_sliders_have_room_and_throw_stays_where_it_is(browser, thrown):
         slider = "return document.querySelector('#numbers [type=range]').clientWidth"
         assert browser.script(slider) >= 160
         before = browser.script(top)
-        for text in ("", "★★ e = 0.905, too fast: more viscosity, or a faster throw"):
+        for text in ("", "e = 0.905, too large: more viscosity, or a faster throw"):
             browser.script("verdict.textContent = arguments[0]", text)
             assert browser.script(top) == before
         browser.script(MOVE, 19)

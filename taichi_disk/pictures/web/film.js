@@ -176,7 +176,7 @@ class Curves {
       line(ctx, [[left, row(value)], [left + width, row(value)]], colours.rule, 1);
       write(ctx, numbers[k], left - 5, row(value) + 4, { textAlign: "right", theme: colours });
     });
-    const step = roundBelow((last - first) / (width < WIDE ? 1.5 : 2.5));
+    const step = roundBelow((last - first) / (width < WIDE ? 1 : 2.5));
     const most = step * Math.floor(last / step + 1e-6);
     for (let t = step * Math.ceil(first / step); t <= most * 1.001; t += step) {
       const number = label(Number(t.toPrecision(6)));
@@ -282,7 +282,7 @@ function settable(scene) {
     { key: "draw", name: "drawn as", options: ["field", "springs", "both", "points"] },
     { key: "theme", name: "background", options: ["light", "dark"] },
     { key: "magnify", name: "displacements ×", low: 1, high: most, ...factor },
-    { key: "speed", name: "speed ×", low: 0.1, high: 2, ...factor },
+    { key: "speed", name: "film speed ×", low: 0.1, high: 2, ...factor },
   ];
 }
 
@@ -418,7 +418,8 @@ async function play() {
   ui.moment.max = last;
   for (const [moment, name] of head.marks) {
     const style = `left: ${(100 * moment) / last}%`;
-    ui.line.append(element("button", { style, onclick: () => goTo(moment) }, name));
+    const ariaLabel = Number(name) ? `bounce ${name}` : name;
+    ui.line.append(element("button", { style, ariaLabel, onclick: () => goTo(moment) }, name));
   }
   ui.options.onchange = change;
   ui.fold.onclick = () => {
