@@ -27,7 +27,7 @@ STYLED = re.compile(r'<mi mathvariant="(bold|sans-serif)">([A-Za-z])<')
 STYLES = {"bold": 0x1D400, "sans-serif": 0x1D5A0}  # the code points of A
 # A line that only links to a film.
 FILM = re.compile(
-    r"^\[(Play[^]]+)\]\((films/\w+\.html(?:#[^)]*)?)\)(?: \(download, then open\))?$",
+    r"^\[(Play[^]]+)\]\((films/\w+\.html(?:#[^)]*)?)\)(?: \(download[^)]*\))?$",
     re.MULTILINE,
 )
 QUESTION = "How fast does an elastic disk come back?"

@@ -127,7 +127,7 @@ class Browser:
         end = time.monotonic() + seconds
         while not (found := until()):
             assert time.monotonic() < end, "the condition did not become true"
-            time.sleep(0.1)
+            time.sleep(0.02)
         return found
 
     def errors(self):

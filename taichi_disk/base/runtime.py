@@ -106,7 +106,7 @@ def _present_threads(ti: Any, threads: int | None) -> int:
             f"threads: this process already computes with {present} threads and cannot"
             f" change to {threads}: set the number in its first run, or in {THREADS}"
         )
-    return int(present)
+    return present
 
 
 def _threads(threads: Any) -> int:

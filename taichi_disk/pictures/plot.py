@@ -59,7 +59,7 @@ PANEL_HEIGHTS = (1.2, 1.0, 1.5)
 # fractions of the figure
 LAYOUT = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}
 TITLE_WIDTH = 95  # [letters]
-TITLE_HEIGHT = 20.5  # of all lines above the axes [pt]
+TITLE_HEIGHT = 21.0  # of all lines above the axes [pt]
 FORCE_LABEL = "wall force  [Mc²/R]"
 ENERGY_LABEL = "energy  [Mc²]"
 RAISED = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -123,6 +123,8 @@ def curves(scenario: Scenario, columns: Columns) -> list[TimeCurve]:
         if look.column == "load":
             if scenario.static:
                 continue
+            if scenario.is_thrown:
+                name = "height"
             values = values - values[0]
         if np.abs(values).max() > VISIBLE_ENERGY * largest:
             found.append(TimeCurve(look, values, name))
@@ -216,7 +218,7 @@ def run_figure(scene: PlotScene, headline: str) -> Plot:
         # The plot is drawn already. A title on top of it gives the same pixels, because
         # a figure draws its title last.
         figure.draw_artist(
-            figure.suptitle(title, y=0.99, fontsize=size, fontweight="bold")
+            figure.suptitle(title, y=0.992, fontsize=size, fontweight="bold")
         )
     return figure
 

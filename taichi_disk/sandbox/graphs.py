@@ -24,6 +24,7 @@ _ENERGIES = [*of_kind("part"), "elastic", "wall", *of_kind("loss")]
 # "flight" and "motion" depend on the scene.
 CURVES = [
     *(("energy", LOOKS[name].name, *LOOKS[name].colours) for name in _ENERGIES),
+    ("energy", "height", *LOOKS["load"].colours),
     ("force", "force of the wall", *LOOKS["wall_force"].colours),
     ("motion", "motion", *LOOKS["com_vy"].colours),
 ]
@@ -57,8 +58,12 @@ def curve_values(segment: Segment, rows: Array, inertia: float) -> Array:
     rows = rows.copy()
     rows[:, LOSSES] += segment.lost_before
     columns = split(dict(zip(INDEX, rows.T, strict=True)), inertia)
-    curves = [columns[name] for name in [*_ENERGIES, "wall_force"]]
-    curves.append(segment.scenario.momentary_motion(columns))
+    scenario: Any = segment.scenario
+    curves = [columns[name] for name in _ENERGIES]
+    height = np.zeros(len(rows))
+    if scenario.falls_back:
+        height = scenario.scene.impact.gravity * scenario.motion(columns)
+    curves += [height, columns["wall_force"], scenario.momentary_motion(columns)]
     return np.stack(curves, axis=1)
 
 

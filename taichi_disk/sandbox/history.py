@@ -239,6 +239,11 @@ class Timeline:
         return [one for one in known if one.hit_began == self.display.segment.hit_began]
 
     @property
+    def measured(self) -> Segment | None:
+        """The segment in which the hit on display came to its end, if it has."""
+        return next((one for one in self.hit_segments if one.end), None)
+
+    @property
     def lead(self) -> float:
         """Time by which the state on display is later than the present [R/c], negative
         if it is earlier."""

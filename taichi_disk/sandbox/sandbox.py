@@ -67,12 +67,6 @@ def with_key(scene: Scene, key: str, value: Any) -> Scene:
     return scene.with_(scene.changes_with(key, value))
 
 
-def printed(symbol: str, value: float) -> str:
-    """Return a result with the digits that another lattice leaves: e to the third
-    decimal, ξ to three digits."""
-    return f"{value:.3f}" if symbol == "e" else f"{value:.3g}"
-
-
 class Experiment(
     namedtuple(
         "Experiment",
@@ -291,20 +285,19 @@ class Sandbox:
         return made
 
     def _finish(self, segment: Segment) -> None:
-        """Enter the result into the table, and begin the next experiment of a curve
-        that is being collected."""
-        columns = segment.columns
-        experiment = experiment_of(segment)
-        self.results = [*self.results, experiment][-MAX_RESULTS:]
+        """Enter the result into the table, unless it was known before the user changed
+        something."""
         goes_on = self.remaining_loads or segment.scenario.falls_back
         self.paused = not goes_on
+        if self.time.measured is not segment:
+            return
+        columns = segment.columns
+        self.results = [*self.results, experiment_of(segment)][-MAX_RESULTS:]
         self.message = ""
         self._warnings = warnings(segment.scenario, columns)
+        self.answer = segment.scenario.conclusion(columns)
         if segment.label == DISTURBED:  # a part of the energies may lie before
-            digits = printed(experiment.result, experiment.value)
-            self.answer = f"You have disturbed it: {experiment.result} = {digits}."
-        else:
-            self.answer = segment.scenario.conclusion(columns)
+            self.answer = "You have disturbed it: this result is none of a throw."
 
     def _collect_next(self) -> None:
         loads = self.remaining_loads[1:]

@@ -36,7 +36,7 @@ from taichi_disk.sandbox.controls import (
     described,
 )
 from taichi_disk.sandbox.graphs import CURVES, ScaleMaxima, curve_values, graphs
-from taichi_disk.sandbox.sandbox import Sandbox, load_key, printed, value_of
+from taichi_disk.sandbox.sandbox import Sandbox, load_key, value_of
 
 MAX_BYTES = 2**10  # limit of a page's message
 MAX_NUMBER = 1e7  # limit of a number in it
@@ -212,13 +212,12 @@ class Session:
         """The graphs are sent again if other curves are shown or the curves end; until
         then the page itself adds a point with each state."""
         time = self.sandbox.time
-        is_past = time.lead < 0.0
         return (
             time.segment,
             time.display.segment.hit_began,
             time.segment.status,
             self.sandbox.paused,
-            is_past,
+            time.lead < 0.0,
         )
 
     def _write(self, kind: str, key: Any, content: Callable[[], Message]) -> None:
@@ -278,14 +277,20 @@ class Session:
         """Return the lines of the read-out: at first the time, at the end the result,
         which begins with *."""
         time = self.sandbox.time
-        scenario = time.display.segment.scenario
+        scenario: Any = time.display.segment.scenario
         clock, *motion = scenario.caption(time.display.values | {"t": t})
         if self.sandbox.at_start:
             motion = []
-        if time.segment.status == "finished" and time.lead == 0.0:
-            _, result = scenario.primary(time.segment.columns)
+        measured = time.measured
+        if time.lead == 0.0 and measured:
+            _, result = measured.scenario.primary(measured.columns)
             symbol = scenario.words.symbol
-            motion = [f"*{symbol} = {printed(symbol, result)}"]
+            digits = ".3g"  # that another lattice leaves
+            if symbol == "e":
+                digits = ".3f"
+            motion = [f"*{symbol} = {result:{digits}}"]
+        elif scenario.falls_back:
+            motion.append(scenario.bounces(time.segment.columns))
         magnify = self.controls.value("video.magnify")
         if magnify > 1.0:
             clock = f"{clock}, displacements × {magnify:g}"
@@ -352,8 +357,10 @@ class Session:
         for key, name in CHOICES.items():
             value = self.controls.value(key)
             if value is not None:
-                choice = {"key": key, "name": name, "value": value}
-                choices.append(choice | {"options": self.controls.options(key)})
+                options = self.controls.options(key)
+                choices.append(
+                    {"key": key, "name": name, "value": value, "options": options}
+                )
         return choices
 
 

@@ -1,8 +1,6 @@
-"""The pages are true: Python blocks run, commands are accepted, links lead somewhere,
-tables show their data.
+"""The pages are true: Python blocks run, commands are accepted, links lead somewhere.
 
-Blocks run with --validate; a block of commands marked ```sh no-run is parsed and
-checked, never run.
+Blocks of commands marked ```sh no-run are parsed and checked, never run.
 """
 
 import re

@@ -67,6 +67,15 @@ def test_a_page_opens_obeys_and_computes_what_run_does(served, each_browser, tmp
     assert result["value"] == run(stored, lattices=1).restitution
     assert result["disturbance"] == ""
 
+    # A change after it leaves it as it is, and the next throw takes one press.
+    browser.say("set", key="material.eta_star", value=1.5)
+    browser.wait(lambda: browser.text("status") == "disturbed")
+    assert browser.text("drop") == "Throw again"
+    browser.key(" ")
+    first, second = browser.wait(lambda: browser.results()[1:] and browser.results())
+    assert first == result
+    assert (second["eta_star"], second["disturbance"]) == (1.5, "")
+
     # Back in time by a graph and by a key; pulling from there is a disturbance.
     end = browser.state("t")
     browser.drag_in("energy", 0.3, 0.15)

@@ -54,7 +54,7 @@ def test_a_drag_of_40_pixels_moves_the_disk_by_40_and_a_scene_chosen_is_thrown_b
     browser,
 ):
     (x, y), radius = browser.disk()
-    browser.drag((x + radius + 30, y), (x + radius + 70, y + 25), button=2)
+    browser.drag((x + radius + 30, y), (x + radius + 70, y + 25), 0.05, button=2)
     assert browser.disk() == ((x + 40, y + 25), radius)
     browser.click("all")
     assert browser.wait(lambda: browser.disk() == ((x, y), radius))

@@ -1,6 +1,4 @@
-"""The set-up script in a clone: line ends, a finished environment, copied folders,
-ordinary users, machines without browsers, drivers or wheels. The script of the tests:
-what it prints last, and what it fails for."""
+"""The scripts that set up a clone, where something is missing, and run the tests."""
 
 import os
 import shutil

@@ -244,9 +244,7 @@ def test_a_page_says_that_a_disk_is_too_large_for_it(tmp_path, monkeypatch, noti
             patch.setattr(throws, limit, 99)
             path = result.film(tmp_path / "film.html")
         assert packed(path)[0]["again"] is None
-        text = path.read_text().split("too large for a page: ")[1].split("</p>")[0]
-        assert text.startswith("taichi-disk run exponential_wall --set lattice.points")
-        assert load_scene("exponential_wall", text.split(" --set ")[1:]) == result.scene
+        assert "This disk is too large for a page to throw" in path.read_text()
         assert "no task" in notices.messages[0]
         notices.clear()
 

@@ -1,5 +1,4 @@
-"""The structure of the code: small files and folders, and one thought to a statement.
-`lint-imports` checks the direction of imports, and that none go in a circle."""
+"""The structure of the code: small files and folders, one thought to a statement."""
 
 import ast
 import re

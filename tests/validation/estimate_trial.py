@@ -4,11 +4,10 @@ are kept.
     python -m tests.validation.estimate_trial [--tolerance]
     [--scene features|resets|chaotic] [--first 0] [--scenes 100]
 
-Scenes are drawn by number (`random_scenes`); `truth` computes the true results: of e or
-xi in plain scenes by other solvers, of every result in the others by short steps. A
-result whose true value is uncertain by more than a tenth of the claimed error cannot be
-judged. But if a chaotic impact's result still changes by more than the claim when the
-step is 32 or 128 times shorter, the claim has failed.
+Scenes are drawn by number (`random_scenes`), and `truth` has their results. A result
+cannot be judged if its true value is uncertain by more than a tenth of the claimed
+error; in a chaotic impact the claim has failed, if shorter steps change the result by
+more than it.
 """
 
 import argparse

@@ -1,9 +1,4 @@
-"""Check the stability limit and the conservation of energy by stepping small disks for
-very long.
-
-The disk has 60 points; its modes are like those of any lattice, and 10^6 steps take a
-second.
-"""
+"""Check the step limit and the energy of 60 points over very long runs."""
 
 from dataclasses import replace
 

@@ -1,9 +1,8 @@
-"""The true result of a scene, by solvers that share nothing with the stepping kernels.
+"""The true result of a scene, by solvers that share nothing with the kernels.
 
-For an impact: SciPy's DOP853 with the laws in NumPy. For a compression: SciPy's hybrid
-Powell method finds the point where all forces vanish. Friction that holds points, and a
-contact that jumps from spring to spring, are not smooth forces; then the true result is
-the program's own at a 32nd of the step (`refined`).
+For an impact DOP853, for a compression Powell's hybrid method. If friction holds points
+or a contact jumps from spring to spring, forces are not smooth: then it is the
+program's own result at a 32nd of the step (`refined`).
 """
 
 from dataclasses import replace

@@ -66,7 +66,7 @@ def has_declared_fields(ti: Any) -> bool:
 
 
 def has_vulkan(ti: Any) -> bool:
-    return bool(ti._lib.core.with_vulkan())
+    return ti._lib.core.with_vulkan()
 
 
 def native_window(ti: Any, *options: Any) -> Any:
@@ -124,7 +124,7 @@ def patch(ti: Any) -> None:
 
     def position(context: Any, node: Any) -> str:
         if not context.file.startswith(OWN_FILES):
-            return str(full_position(context, node))
+            return full_position(context, node)
         where = (
             f'File "{context.file}", line {node.lineno + context.lineno_offset}, in'
             f" {context.func.func.__name__}"
@@ -134,7 +134,7 @@ def patch(ti: Any) -> None:
     def is_in_class(level_of_class_stackframe: int) -> bool:
         frame = sys._getframe(level_of_class_stackframe - 1)
         if not frame.f_code.co_filename.startswith(OWN_FILES):
-            return bool(searched_class(level_of_class_stackframe + 1))
+            return searched_class(level_of_class_stackframe + 1)
         return "__qualname__" in frame.f_locals
 
     transformer.get_pos_info = position

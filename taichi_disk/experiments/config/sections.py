@@ -456,7 +456,6 @@ class VideoSection(Section):
         "height above the wall at which the film of an impact begins and ends; 0: no"
         " flight",
         "R",
-        low=0,
         high=2,
     )
     ringing: Literal["auto", "none"] = key(
@@ -464,7 +463,7 @@ class VideoSection(Section):
     )
     goal: Literal["none"] | float = key(
         "none",
-        "task of a page that throws its disk: e that a throw is to have",
+        "task of a page that throws its disk: e to reach, such as 0.8",
         low=0.01,
         high=1,
     )

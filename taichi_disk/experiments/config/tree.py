@@ -417,5 +417,5 @@ def shipped_scenes() -> dict[str, Path]:
     # them, and they count if both exist.
     for folder in (package.parent / "scenes", package / "scene_library"):
         paths = sorted(folder.glob("[!.]*.yaml"))
-        scenes |= {path.stem: path for path in paths}
+        scenes |= {path.stem: path for path in paths if path.is_file()}
     return scenes

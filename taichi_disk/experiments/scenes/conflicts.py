@@ -20,6 +20,15 @@ def time_conflicts(
 ) -> Conflicts:
     """Return the conflicts of the section `time`; `wall`: its section, if there is
     one."""
+    conflicts = []
+    if time.tolerance != "none" and time.dt != "auto":
+        text = f"chooses the time step itself: write time.dt: auto, not {time.dt:g}"
+        conflicts.append(("time.tolerance", text))
+    name = time.integrator
+    if name == "auto":
+        return conflicts
+    integrator = INTEGRATORS[name]
+    is_implicit = integrator.dashpots == "implicit"
     dashpot, eta = material.dashpots
     friction = getattr(wall, "friction", 0.0)
     boundary = getattr(wall, "boundary", "")
@@ -29,31 +38,22 @@ def time_conflicts(
         f"wall.friction = {friction:g}": friction,
     }
     forces = [name for name, value in damping.items() if value]
-    name = time.integrator
-    integrator = INTEGRATORS.get(time.integrator)
     limits = []
-    treatment = "auto"
-    if integrator:
-        treatment = integrator.dashpots
-    if treatment == "none" and forces:
+    if integrator.dashpots == "none" and forces:
         limits.append(
             f"cannot integrate velocity-dependent forces ({forces[0]}): write auto or"
             " velocity_verlet"
         )
-    if integrator and integrator.correction and boundary == "reset":
+    if integrator.correction and boundary == "reset":
         limits.append("has only order 2 with wall.boundary = reset: write auto")
-    if treatment == "implicit" and friction:
+    if is_implicit and friction:
         limits.append("has only order 1 with friction: write auto or velocity_verlet")
-    if treatment == "implicit" and eta and material.dashpot == "axial":
+    if is_implicit and eta and material.dashpot == "axial":
         limits.append(
             "needs a constant damping matrix, which axial dashpots do not have: write"
             " auto"
         )
-    conflicts = [("time.integrator", f"{name} {limit}") for limit in limits]
-    if time.tolerance != "none" and time.dt != "auto":
-        text = f"chooses the time step itself: write time.dt: auto, not {time.dt:g}"
-        conflicts.append(("time.tolerance", text))
-    return conflicts
+    return conflicts + [("time.integrator", f"{name} {limit}") for limit in limits]
 
 
 def gap_conflicts(wall: ExponentialPotential, impact: ImpactSection) -> Conflicts:

@@ -72,7 +72,7 @@ BENDING_POTENTIAL = 1e-10
 # error
 RESOLVED = 0.49
 
-LEAST_SHARE = 5e-4  # of the energy that is worth a word
+LEAST_SHARE = 0.05  # of the energy that is worth a word [%]
 
 LABELS = {
     "restitution": ("restitution e", ""),
@@ -447,6 +447,11 @@ class ImpactScenario(Scenario):
         found = restitutions(columns, speed, impact.gravity, self.surface)
         return found[: impact.bounces]
 
+    def bounces(self, columns: Columns) -> str:
+        """Return e of each bounce so far, as a text."""
+        known = [f"{e:.3f}" for e in self.restitutions(columns) if e]
+        return " ".join(["e:", *known])
+
     def conclusion(self, columns: Columns) -> str:
         before = self.speed_before
         after = before * self.restitutions(columns)[0]
@@ -457,19 +462,19 @@ class ImpactScenario(Scenario):
             after = np.hypot(after, along[-1])
             direction = ", to the right" if along[-1] > 0.0 else ", to the left"
         text = f"It comes back at {after / before:.3f} of its speed{direction}"
+        if self.falls_back:
+            text = f"Bounce by bounce {self.bounces(columns)}"
         energies = split(columns, self.shape.inertia)
         whole = energies["kinetic"][0]
-        shares = {
-            f"{BY_NAME[name].label} took {{:.2g}} %": energies[name][-1] / whole
-            for name in reversed(of_kind("loss"))
-        }
-        ringing = energies["vibration"][-1] + energies["elastic"][-1]
-        shares["{:.2g} % still rings"] = ringing / whole
+        shares = {name: 100.0 * one[-1] / whole for name, one in energies.items()}
         parts = [
-            words.format(100.0 * share)
-            for words, share in shares.items()
-            if share > LEAST_SHARE
+            f"{BY_NAME[name].label} took {shares[name]:.2g} %"
+            for name in reversed(of_kind("loss"))
+            if shares[name] > LEAST_SHARE
         ]
+        ringing = shares["vibration"] + shares["elastic"]
+        if ringing > LEAST_SHARE:
+            parts.append(f"{ringing:.2g} % still rings")
         if parts:
             text += f". Of the energy, {', '.join(parts)}"
         return f"{text}."

@@ -135,7 +135,8 @@ def _polygon(paths: list[Array]) -> Any:
         fault, _, place = shapely.is_valid_reason(body).rstrip("]").partition("[")
         spot = shown_point(np.array(place.split(), float))
         raise InputError(
-            f"the outline is not the edge of one body: {fault.lower()} at {spot}"
+            f"the outline is not the edge of one body: {fault.lower()} at {spot}; its"
+            " points go round the body once, and other paths are holes in it"
         )
     return body.normalize()
 

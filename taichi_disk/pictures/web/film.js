@@ -45,18 +45,15 @@ function summed(numbers, size) {
 //   edge: height of the wall's drawn edge; magnify: factor on displacements
 class Recording {
   constructor(run, data, { times, cues, curves, end }) {
-    const { wall, options } = run.scene;
+    const { wall, options, points } = run.scene;
     Object.assign(this, { times, cues, curves, end, captions: run.captions });
     Object.assign(this, { edge: wall.edge, magnify: options.magnify, strengths: run.strengths });
     const array = (name, Kind) => new Kind(data, ...run.arrays[name]);
-    const { points } = run.scene;
     this.run = run;
     for (const name of ["forces", "centres", "velocities"]) this[name] = array(name, Float32Array);
     this.displacements = summed(joined(array("displacements", Uint8Array)), 2 * points);
     this.codes = {};
-    for (const name of Object.keys(run.limits)) {
-      this.codes[name] = summed(array(name, Uint8Array), points);
-    }
+    for (const name of Object.keys(run.limits)) this.codes[name] = summed(array(name, Uint8Array), points);
     this.rest = decoded(run.scene.rest, Float32Array);
     this.x = new Float32Array(2 * points);
     this.values = new Float32Array(points);
@@ -119,9 +116,7 @@ class Pane extends Drawing {
 
 // Return a short line with the dash of a run.
 const stroke = (dash) =>
-  parsed(
-    `<svg width="30" height="8"><path d="M1 4H29" fill="none" stroke="currentColor" stroke-width="2" stroke-dasharray="${dash}"/></svg>`,
-  );
+  parsed(`<svg width="30" height="8"><path d="M1 4H29" fill="none" stroke="currentColor" stroke-width="2" stroke-dasharray="${dash}"/></svg>`);
 
 // Curves of the velocity, the force and the energies over time, grey where they are still to come.
 // Those of each run have a dash of its own.
@@ -181,7 +176,7 @@ class Curves {
       line(ctx, [[left, row(value)], [left + width, row(value)]], colours.rule, 1);
       write(ctx, numbers[k], left - 5, row(value) + 4, { textAlign: "right", theme: colours });
     });
-    const step = roundBelow((last - first) / (width < WIDE ? 1.5 : 2.5));
+    const step = roundBelow((last - first) / (width < WIDE ? 1 : 2.5));
     const most = step * Math.floor(last / step + 1e-6);
     for (let t = step * Math.ceil(first / step); t <= most * 1.001; t += step) {
       const number = label(Number(t.toPrecision(6)));
@@ -254,6 +249,43 @@ function captionLine(text) {
   return element(text.startsWith("*") ? "b" : "em", {}, plain);
 }
 
+// Return the words of a picture: the lines of a caption, of which the last says what is magnified.
+function captionOf([...lines], magnified) {
+  const magnify = Number(magnified.toPrecision(2));
+  if (magnify > 1) lines.push(lines.pop() || `displacements × ${magnify}`);
+  const shown = lines.map(captionLine);
+  // A small comparison has no room for these lines.
+  shown.at(-2).classList.add("scales", "pace");
+  shown.at(-1).classList.add("scales", "remark");
+  return shown;
+}
+
+// Add the figure of a run to those of others, and return its parts: the drawing, and where words stand.
+function paneOf(run, disks) {
+  const caption = element("p");
+  const canvas = element("canvas", { role: "img" });
+  const words = element("p", { className: "faint" });
+  const title = element("div", {}, element("h1", {}, run.scene.title[0]), words);
+  const figure = element("figure", {}, element("figcaption", {}, title, caption), canvas);
+  disks.append(figure);
+  const drawing = new Pane(canvas);
+  drawing.setScene(run.scene);
+  return { drawing, figure, caption, canvas, words, run };
+}
+
+// Return what the user can set, as `Controls` shows it.
+function settable(scene) {
+  const factor = { unit: "", meaning: "a factor", live: true };
+  const most = Math.max(20, scene.options.magnify);
+  return [
+    { key: "quantity", name: "colours show", options: scene.quantities.map(({ name }) => name) },
+    { key: "draw", name: "drawn as", options: ["field", "springs", "both", "points"] },
+    { key: "theme", name: "background", options: ["light", "dark"] },
+    { key: "magnify", name: "displacements ×", low: 1, high: most, ...factor },
+    { key: "speed", name: "film speed ×", low: 0.1, high: 2, ...factor },
+  ];
+}
+
 async function play() {
   const ui = elements(document);
   const { head, data } = await unpacked(ui.states.textContent);
@@ -269,18 +301,7 @@ async function play() {
   let isVisible = true;
   let isUsed = window.top === window;
 
-  const panes = runs.map((run) => {
-    const caption = element("p");
-    const canvas = element("canvas", { role: "img" });
-    const words = element("p", { className: "faint" });
-    const title = element("div", {}, element("h1", {}, run.scene.title[0]), words);
-    const figcaption = element("figcaption", {}, title, caption);
-    const figure = element("figure", {}, figcaption, canvas);
-    ui.disks.append(figure);
-    const drawing = new Pane(canvas);
-    drawing.setScene(run.scene);
-    return { drawing, figure, caption, canvas, words, run };
-  });
+  const panes = runs.map((run) => paneOf(run, ui.disks));
   const all = (act) => panes.forEach(({ drawing }) => act(drawing));
   const view = {
     pan: (...at) => all((one) => one.pan(...at)),
@@ -320,18 +341,13 @@ async function play() {
     const words = main.captions[Math.round(place)];
     for (const { drawing, caption, run, recording } of panes) {
       const state = recording.state(at, settings.quantity);
-      const lines = [...recording.captions[Math.round(place)]];
+      const lines = recording.captions[Math.round(place)];
       const ringing = between(recording.strengths, place);
       const { power } = scene.quantities.find(({ name }) => name === settings.quantity);
       // The numbers of the scale change only once, with the remark on the ringing.
       const full = lines.at(-1) ? Math.max(...recording.strengths) : 1;
-      const magnify = Number(settings.magnify.toPrecision(2));
-      if (magnify > 1) lines.push(lines.pop() || `displacements × ${magnify}`);
-      const shown = lines.map(captionLine);
-      // A small comparison has no room for these lines.
-      shown.at(-2).classList.add("scales", "pace");
-      shown.at(-1).classList.add("scales", "remark");
-      caption.replaceChildren(...shown); // first, because it may change the canvas's height
+      // first, because it may change the canvas's height
+      caption.replaceChildren(...captionOf(lines, settings.magnify));
       const arrow = run.full_speed && ui.velocity.checked ? state.velocity : null;
       drawing.set({ arrow, ringing });
       const limits = { limit: state.limit / ringing ** power, written: state.limit / full ** power };
@@ -385,15 +401,7 @@ async function play() {
     show();
   }
 
-  const factor = { unit: "", meaning: "a factor", live: true };
-  const magnification = { low: 1, high: Math.max(20, scene.options.magnify), ...factor };
-  const specs = [
-    { key: "quantity", name: "colours show", options: scene.quantities.map(({ name }) => name) },
-    { key: "draw", name: "drawn as", options: ["field", "springs", "both", "points"] },
-    { key: "theme", name: "background", options: ["light", "dark"] },
-    { key: "magnify", name: "displacements ×", ...magnification },
-    { key: "speed", name: "speed ×", low: 0.1, high: 2, ...factor },
-  ];
+  const specs = settable(scene);
   const controls = new Controls(
     () => ui.looks,
     (key, value) => {
@@ -410,7 +418,8 @@ async function play() {
   ui.moment.max = last;
   for (const [moment, name] of head.marks) {
     const style = `left: ${(100 * moment) / last}%`;
-    ui.line.append(element("button", { style, onclick: () => goTo(moment) }, name));
+    const ariaLabel = Number(name) ? `bounce ${name}` : name;
+    ui.line.append(element("button", { style, ariaLabel, onclick: () => goTo(moment) }, name));
   }
   ui.options.onchange = change;
   ui.fold.onclick = () => {

@@ -49,7 +49,7 @@ from taichi_disk.pictures.web.drawing import (
     scene_message,
     source,
 )
-from taichi_disk.pictures.web.throws import throwable, thrown_disk, too_large
+from taichi_disk.pictures.web.throws import TOO_LARGE, throwable, thrown_disk
 
 _LEVELS = 32_000  # levels of a displacement on either side of zero
 # codes of a colour for zero and for the largest value
@@ -87,9 +87,13 @@ def write_page(
     if len(runs) == 1 and span == WHOLE and throwable(flights[0]):
         again = thrown_disk(flights[0], video)
         if not again:
-            elsewhere = too_large(runs[0].scenario.scene)
+            elsewhere = TOO_LARGE
     if video.goal != "none" and not again:
-        NOTICES.warning("video.goal: no task, because this page throws no disk")
+        NOTICES.warning(
+            "video.goal: no task, because this page throws no disk: a page throws one"
+            " disk of at most 4,000 points at a rigid wall, without gravity, friction,"
+            " angle or spin"
+        )
     packed = _packed(states, words, video, names, rate, again, progress)
     text = Template(source("film.html")).substitute(
         title=escape(" | ".join(title[0] for title in names)),
@@ -177,13 +181,12 @@ def _words(caption: Caption) -> list[str]:
     motion = [f"+{one}" for one in others[:1]]
     if caption.result:
         motion = [f"*{caption.result}"]
-    pace = "    ".join(caption.pace)
     return [
         time,
         *motion,
         *others[1:],
         caption.note,
-        pace,
+        "    ".join(caption.pace),
         " ".join(caption.remarks[:2]),
     ]
 
@@ -191,16 +194,15 @@ def _words(caption: Caption) -> list[str]:
 def _marks(run: Run, times: Sequence[float]) -> list[list[Any]]:
     """Return each mark of the time line: the number of its cue, and the bounce or the
     moment that it stands for."""
-    marks: list[list[Any]] = []
+    moments = {MOMENTS[one]: time_of(one, run) for one in ("contact", "greatest")}
     if run.scenario.falls_back:
-        for number, one in enumerate(contacts_of(run.series), 1):
-            marks.append([int(np.searchsorted(times, one.greatest)), f"{number}"])
-        return marks
-    for moment in ("contact", "greatest"):
-        t = time_of(moment, run)
-        if times[0] < t < times[-1]:
-            marks.append([int(np.searchsorted(times, t)), MOMENTS[moment]])
-    return marks
+        contacts = enumerate(contacts_of(run.series), 1)
+        moments = {f"{number}": one.greatest for number, one in contacts}
+    return [
+        [int(np.searchsorted(times, t)), name]
+        for name, t in moments.items()
+        if times[0] < t < times[-1]
+    ]
 
 
 def _curves(states: Sequence[Recording]) -> list[Message]:

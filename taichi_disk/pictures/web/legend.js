@@ -61,12 +61,12 @@ function drawArrow(ctx, shaft, head, ink, thickness) {
 // above the lower edge the colour scale, its numbers, its name, and the row of length and force;
 // and the width beside the colour scale.
 function layout(width, height) {
-  const isWide = width > 500;
+  const isWide = width > 560;
   const high = { bar: 52, numbers: 28, name: 10 };
   const low = { bar: 56, numbers: 32, name: 10 };
-  if (width >= 720) return { height: 66, ...high, row: 47, beside: 380, hasKeys: true };
+  if (width >= 720) return { height: 66, ...high, row: 47, beside: 460, hasKeys: true };
   if (height >= 400) return { height: 94, ...high, row: 80, beside: 64, hasKeys: true };
-  return { height: 62, ...low, row: 51, beside: isWide ? 400 : 64, hasKeys: isWide };
+  return { height: 62, ...low, row: 51, beside: isWide ? 460 : 64, hasKeys: isWide };
 }
 
 export const footer = (width, height) => layout(width, height).height;

@@ -56,6 +56,7 @@ export class Sandbox {
     node.dataset.theme = this.theme || (DARK.matches ? "dark" : "light");
     const ui = (this.ui = elements(node));
     this.send = (message) => {
+      if (message.key === "space" && this.panel?.paused && this.hasLeft) send({ do: "press", key: "r" });
       send(message);
       if (message.do !== "seen" && message.do !== "film")
         this.waiting ??= setTimeout(() => (ui.busy.hidden = false), 400);
@@ -289,8 +290,10 @@ export class Sandbox {
     this.state = unpacked(buffer, this.hello.columns, this.hello.curves.length);
     this.arrived = performance.now();
     this.graphs.add(this.state);
+    this.isAtEnd = this.state.caption.includes("\n*");
+    this.hasLeft = this.isAtEnd && !this.state.row.load; // gravity, a load, would bring it back
     this.ui.caption.replaceChildren(...this.state.caption.split("\n").map(captionLine));
-    if (this.panel) this.ui.sentence.textContent = this.sentence;
+    if (this.panel) this.showTexts(this.panel);
     this.answered();
     this.redraw(this.state.number);
   }
@@ -429,7 +432,8 @@ export class Sandbox {
   showTexts(panel) {
     const { ui, drawing } = this;
     const { labels } = drawing.scene;
-    const go = panel.atStart ? labels.drop : "Go on";
+    const next = this.hasLeft ? `${labels.drop} again` : "Go on";
+    const go = panel.atStart ? labels.drop : next;
     const count = panel.results.length;
     const texts = {
       drop: panel.paused ? go : "Pause",
@@ -437,6 +441,7 @@ export class Sandbox {
       sentence: this.sentence,
       lattice: `Another random lattice (now ${panel.seed})`,
       status: panel.status,
+      aiming: panel.atStart ? "Drag the disk to turn it, or beside it to aim." : "Drag the disk to pull it.",
       collect: panel.collecting ? `Stop (${panel.collecting} left)` : labels.collect,
       "tab-results": count ? `Results (${count})` : "Results",
     };
@@ -445,9 +450,7 @@ export class Sandbox {
 
   // The scene's question; after the throw, of which the caption has the result, its answer.
   get sentence() {
-    const { panel, state } = this;
-    const isAtEnd = /^\*/m.test(state?.caption ?? "");
-    return (isAtEnd && panel.answer) || panel.question;
+    return (this.isAtEnd && this.panel.answer) || this.panel.question;
   }
 
   // Show a new message in place of the sentence for a while. A message that was there before this

@@ -6,8 +6,7 @@ import { copy, store } from "./html.js";
 import { asText, showDiagram, showResults } from "./results.js";
 import { throwing } from "./stepper.js";
 
-const EXACT = "★★★ ";
-const STARS = [[0.003, EXACT], [0.01, "★★ "], [0.03, "★ "]]; // for the distance of e from the goal
+const DONE = 0.003; // largest distance of e from the goal
 const NUMBERS = [
   { key: "v", name: "speed", symbol: "v", unit: "c", of: "impact.velocity" },
   { key: "eta", name: "viscosity", symbol: "η*", unit: "", of: "material.eta_star" },
@@ -68,11 +67,11 @@ export class Throws {
       this.tell("Stopped: Throw begins again.");
     };
     ui.link.onclick = () => this.copyLink();
-    ui.task.onclick = () => this.set(this.goal ? 0 : this.own.goal || USUAL_GOAL);
+    ui.task.onclick = () => this.set(this.goal ? 0 : readNumber(ui.share.value) / 100 || USUAL_GOAL);
     ui.share.onchange = () => {
       const text = ui.share.value;
       const fault = this.set(readNumber(text.replace("%", "")) / 100);
-      if (fault) this.tell(`“${text.slice(0, 40)}” is no goal: write a number from 0 to 100.`);
+      if (fault) this.tell(`“${text.slice(0, 40)}” is no goal: write a number from 1 to 100.`);
     };
     ui.copy.onclick = () => copy(asText(ui.table, "\t"), this.tell, "Copied: paste it into a table.");
     ui.addresses.onchange = () => this.collect();
@@ -90,7 +89,7 @@ export class Throws {
     const { numbers, faults } = readAddress(location.hash);
     const wanted = { ...this.own, ...numbers };
     const beyond = this.want(wanted);
-    this.goal = this.own.goal;
+    this.set(this.own.goal);
     const noGoal = this.set(wanted.goal);
     this.throw();
     this.tell([...faults, beyond, noGoal].join(" ").trim());
@@ -117,11 +116,12 @@ export class Throws {
     const { ui } = this;
     const isGoal = goal >= 0 && goal <= 1;
     if (isGoal) this.goal = goal;
+    const share = goal > 1 && goal <= 100 ? goal : 100 * USUAL_GOAL;
     ui.goal.hidden = !this.goal;
-    ui.share.value = digits(100 * this.goal);
-    ui.task.textContent = this.goal ? "No task" : "Task";
+    if (this.goal) ui.share.value = digits(100 * this.goal); // else the last one stays there
+    ui.task.textContent = this.goal ? "Clear task" : "Task";
     this.judge();
-    return this.tell(isGoal ? "" : `${digits(goal)} is no goal: write 0.9, or 90 %.`);
+    return this.tell(isGoal ? "" : `${digits(goal)} is no goal: write ${digits(share / 100)}, or ${digits(share)} %.`);
   }
 
   // The end of the address of a throw.
@@ -134,7 +134,7 @@ export class Throws {
   copyLink() {
     const isShared = /^https?:$/.test(location.protocol);
     const page = isShared ? location.href.split("#")[0] : "";
-    const other = `Copied ${this.link}: send the file, too, and put this behind its address.`;
+    const other = `Copied ${this.link}: send the file, too. Whoever opens it adds this to the end of its address.`;
     copy(page + this.link, this.tell, isShared ? "Copied: send it, or open it." : other);
   }
 
@@ -194,6 +194,7 @@ export class Throws {
     ui.steps.textContent = `${steps} steps in ${Math.round(duration)} ms, as run with velocity_verlet`;
     if (folded) this.tell(`${folded} triangles turned inside out: e means nothing. Throw slower.`);
     if (isNew && location.protocol !== "about:") history.replaceState(null, "", link);
+    if (ui.addresses.value) this.collect();
   }
 
   // Show e, when the film does, and how near it comes to the task. Both stay until the next throw.
@@ -201,17 +202,17 @@ export class Throws {
     this.e = e;
     const { goal, ui, shown, numbers } = this;
     const [speed, viscosity] = numbers;
-    const stars = STARS.find(([most]) => Math.abs(e - goal) < most)?.[1] ?? "";
+    const isDone = Math.abs(e - goal) < DONE;
     const more = [shown.eta < viscosity.high && "more viscosity", shown.v < speed.high && "a faster throw"];
     const less = [shown.eta > viscosity.low && "less viscosity", shown.v > speed.low && "a slower throw"];
     const ways = (e > goal ? more : less).filter(Boolean).join(", or ") || "the sliders go no further";
-    const advice = stars === EXACT ? ": exactly!" : `, too ${e > goal ? "fast" : "slow"}: ${ways}`;
+    const advice = isDone ? ": the task is done ★" : `, too ${e > goal ? "large" : "small"}: ${ways}`;
     const result = e ? `e = ${e.toFixed(3)}` : "";
-    const text = goal && e ? stars + result + advice : result;
+    const text = goal && e ? result + advice : result;
     if (ui.verdict.textContent !== text) ui.verdict.textContent = text; // which a screen reader says
   }
 
-  // Throw what the pasted addresses say, one after the other. What a new throw ends stays in the field.
+  // Throw what the pasted addresses say, one after the other. What is ended follows the next throw.
   async collect() {
     const { ui } = this;
     const lines = ui.addresses.value.split("\n").filter((line) => line.trim());

@@ -20,6 +20,9 @@ from taichi_disk.pictures.web.drawing import Message, encoded
 # springs times steps: some 1.5 s.
 _MOST_POINTS = 4_000
 _MOST_WORK = 1e8
+TOO_LARGE = (
+    "This disk is too large for a page to throw: taichi-disk run computes other throws."
+)
 # columns of the curves over time
 _COLUMNS = (
     "com_vy",
@@ -67,18 +70,6 @@ def throwable(flight: Flight) -> bool:
         and scenario.lattice.stiffness is None
         and scenario.own.velocities is None
     )
-
-
-def too_large(scene: Any) -> str:
-    """Return a sentence about a disk that is too large for pages, with the command that
-    runs its scene."""
-    words = ["This disk is too large for a page: taichi-disk run", scene.scene]
-    for name, usual in scene.sections().items():
-        own = asdict(getattr(scene, name))
-        for key, value in asdict(usual).items():
-            if own[key] != value:
-                words.append(f"--set {name}.{key}={own[key]}")
-    return " ".join(words)
 
 
 def thrown_disk(flight: Flight, video: VideoSection) -> Message | None:

@@ -93,10 +93,9 @@ class Curve:
 
 
 def _fit_summary(fit: Fit) -> Summary:
-    intervals = {name: _known(limits) for name, limits in fit.intervals.items()}
     return {
         "values": {name: _known(value) for name, value in fit.values.items()},
-        "intervals_95": intervals,
+        "intervals_95": {name: _known(pair) for name, pair in fit.intervals.items()},
         "rms_residual": _known(fit.rms),
         "p_value": _known(fit.p_value),
         "residuals": _known(fit.residuals),

@@ -352,7 +352,6 @@ def clashes(lines, width):
     [
         (200, 1.0, "shear"),
         (240, 1.0, "fringes"),
-        (720, 1.0, "pressure"),
         (1440, 1.5, "rate"),
     ],
 )

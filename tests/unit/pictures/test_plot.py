@@ -39,25 +39,20 @@ def impact():
     return scenario, outcome.series
 
 
-def test_a_plot_of_an_impact_is_whole_and_has_the_same_bytes_twice(impact, tmp_path):
-    scenario, columns = impact
-    for name in ("a.png", "b.png"):
-        plot_run(tmp_path / name, plot_scene(scenario, columns))
-    assert filecmp.cmp(tmp_path / "a.png", tmp_path / "b.png", shallow=False)
-    assert len(list(tmp_path.iterdir())) == 2
-    image = np.asarray(Image.open(tmp_path / "a.png").convert("L"))
-    # Nothing is cut off: the outermost pixels are white.
-    for edge in (image[0], image[-1], image[:, 0], image[:, -1]):
-        assert edge.min() == 255
-
-
-def test_a_plot_that_was_drawn_early_gets_the_same_title(impact, tmp_path, monkeypatch):
+def test_a_plot_is_whole_and_has_the_same_bytes_if_drawn_early(
+    impact, tmp_path, monkeypatch
+):
     scene = plot_scene(*impact)
     plot_run(tmp_path / "a.png", scene, "e = 0.97")
     draw_early(draw_plot, scene)
     monkeypatch.setattr("taichi_disk.pictures.plot._draw_run", None)
     plot_run(tmp_path / "b.png", scene, "e = 0.97")
     assert filecmp.cmp(tmp_path / "a.png", tmp_path / "b.png", shallow=False)
+    assert len(list(tmp_path.iterdir())) == 2
+    image = np.asarray(Image.open(tmp_path / "a.png").convert("L"))
+    # Nothing is cut off: the outermost pixels are white.
+    for edge in (image[0], image[-1], image[:, 0], image[:, -1]):
+        assert edge.min() == 255
 
 
 @pytest.mark.parametrize("parts", [1, 4, 12, 24])

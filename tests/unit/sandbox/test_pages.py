@@ -124,7 +124,7 @@ async def test_kernels_are_compiled_while_nobody_plays(sessions, playlist, monke
     monkeypatch.setattr(server, "QUIET_TIME", 0.05)
     begun = []
     monkeypatch.setattr(
-        server, "Timeline", lambda start, _: begun.append(start.scenario.scene)
+        server, "Timeline", lambda start: begun.append(start.scenario.scene)
     )
     player = Reader(sessions, "1")
     player.say("set", key="speed", value=0.01)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from taichi_disk.experiments.scenes import load_scene
-from taichi_disk.sandbox import history
 from taichi_disk.sandbox.sandbox import Sandbox
 
 pytestmark = pytest.mark.usefixtures("kernels")  # Taichi has started
@@ -51,14 +50,3 @@ def test_sandboxes_in_turn_move_as_each_does_alone(kernels):
         (alone,) = ends(kernels, [scene])
         assert np.array_equal(alone.row, end.row)
         assert np.array_equal(alone.x, end.x)
-
-
-def test_a_timeline_that_is_full_drops_every_second_state(kernels, monkeypatch):
-    monkeypatch.setattr(history, "MAX_STATES", 8)
-    sandbox = Sandbox(load_scene("exponential_wall", SCENES[0][1]))
-    spacing = sandbox.time.spacing
-    sandbox.pause()
-    for _ in range(20):
-        sandbox.advance(0.1, np.inf)
-        assert len(sandbox.time.checkpoints) <= 8
-    assert sandbox.time.spacing > 4.0 * spacing
