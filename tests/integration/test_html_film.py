@@ -526,6 +526,12 @@ def test_a_long_throw_is_stopped_or_replaced_and_the_old_one_shown(browser, tmp_
         tmp_path / "film.html"
     )
     throw_at(browser, path)
+    touch = (
+        "document.getElementById('throws').classList.add('busy');"
+        "return getComputedStyle(document.getElementById('stop')).pointerEvents"
+    )
+    assert browser.script(touch) == "none"  # at first: Copy link was there
+    browser.wait(lambda: browser.script(touch) == "auto", 2.0)
     shown = title_of(browser)
     for key, number in (("v", 0.001), ("eta", 100.0)):
         browser.type(key, str(number))
