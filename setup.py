@@ -1,5 +1,5 @@
-"""Modules and scenes that a pull took away would be packed from the folder of an earlier
-build, too."""
+"""Modules and scenes that a pull took away would be packed from the folder of an
+earlier build, too."""
 
 from shutil import rmtree
 
