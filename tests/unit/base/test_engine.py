@@ -2,8 +2,8 @@
 
 import os
 import re
-import sys
 import resource
+import sys
 import time
 from pathlib import Path
 from types import SimpleNamespace
