@@ -52,7 +52,9 @@ for ax, k in zip((axes[name] for name in "bcd"), strongest, strict=True):
     ax.plot(*at_rest.T, color="0.7")
     for sign in (-0.1, 0.1):
         ax.plot(*(at_rest + sign * shape).T, color="#00806A")
-    ax.set_title(f"ω = {modes.frequencies[k]:.2f} c/R: {taken[k]:.2%}", fontsize=13)
+    ax.set_title(
+        f"ω = {modes.frequencies[k]:.2f} c/R: {100.0 * taken[k]:.2f} %", fontsize=13
+    )
     ax.set(aspect="equal")
     ax.axis("off")
 figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "why_e_is_below_one.png", dpi=100)

@@ -29,11 +29,11 @@ def main(points: str, picture: str) -> None:
     text = Path(points).read_text(encoding="utf-8")
     rows = list(csv.DictReader(text.splitlines()))
     print("eta*  bounce  lattices  mean     scatter  above 1")
-    with matplotlib_style(STYLE):
+    with matplotlib_style(STYLE | {"font.size": 13}):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(7.6, 3.4), dpi=120, layout="constrained")
+        figure = Figure(figsize=(6.4, 3.6), dpi=140, layout="constrained")
         FigureCanvasAgg(figure)
         ax = figure.subplots()
         for k, eta_star in enumerate(sorted({float(row["eta_star"]) for row in rows})):
@@ -50,8 +50,14 @@ def main(points: str, picture: str) -> None:
             ax.plot(bounce, found.T, ".", color=colour, alpha=0.5)
             ax.plot([], [], ".", color=colour, label=f"η* = {eta_star:g}")
         ax.axhline(1.0, color="0.45", linewidth=1.0)
-        ax.set(xlabel="bounce", ylabel="restitution e")
-        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
+        ax.set(xlabel="bounce", ylabel="restitution e", xticks=range(1, BOUNCES + 1))
+        ax.legend(
+            loc="lower center",
+            bbox_to_anchor=(0.5, 1.0),
+            ncols=3,
+            fontsize=13,
+            markerscale=1.5,
+        )
         figure.savefig(picture, metadata={"Software": None})
 
 

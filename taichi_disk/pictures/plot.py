@@ -305,9 +305,6 @@ def _mark_vibration(ax: Any, scene: PlotScene) -> None:
     if not flight:
         return
     left = scene.contact.vibration_left
-    share = "< 0.01 %"
-    if abs(left) >= 1e-4:
-        share = f"{100.0 * left:.2g} %"
     ax.plot(
         [scene.contact.results_time],
         [left * flight],
@@ -316,7 +313,7 @@ def _mark_vibration(ax: Any, scene: PlotScene) -> None:
         marker="o",
         markersize=4,
         clip_on=False,
-        label=f"vibration left {share}",
+        label=f"vibration left {100.0 * left:.2g} %",
     )
 
 

@@ -235,6 +235,7 @@ def rgb(colour):
 HEIGHTS = [
     ((300, 180), 110),
     ((320, 256), 190),
+    ((500, 400), 230),
     ((800, 500), 400),
     ((834, 640), 350),
     ((1366, 768), 520),
@@ -258,6 +259,8 @@ def test_in_a_frame_the_picture_has_the_room(browser, folder):
         browser.script("document.getElementById('looking').scrollIntoView()")
         names = "document.getElementById('names').getBoundingClientRect()"
         assert browser.script(f"return {names}.bottom") <= size[1] + 1
+        seen = "return document.querySelector('aside').clientHeight"
+        assert browser.script(seen) >= 44, size
 
 
 def test_without_a_script_a_sentence_says_so_and_no_control_is_seen(browser, folder):
@@ -529,6 +532,12 @@ def test_a_long_throw_is_stopped_or_replaced_and_the_old_one_shown(browser, tmp_
         tmp_path / "film.html"
     )
     throw_at(browser, path)
+    touch = (
+        "document.getElementById('throws').classList.add('busy');"
+        "return getComputedStyle(document.getElementById('stop')).pointerEvents"
+    )
+    assert browser.script(touch) == "none"  # at first: Copy link was there
+    browser.wait(lambda: browser.script(touch) == "auto", 2.0)
     shown = title_of(browser)
     for key, number in (("v", 0.001), ("eta", 100.0)):
         browser.type(key, str(number))

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from taichi_disk.base.progress import Progress, silent
 from taichi_disk.experiments.computation.scenario import Array, Scenario, Words
@@ -304,17 +303,14 @@ def _shown(xi: float) -> str:
     return f"ξ = {round(xi, 4) + 0.0:.4f} R"  # no "-0"
 
 
-def paper_compression(
-    pressure: ArrayLike, young: ArrayLike, poisson: ArrayLike, b: ArrayLike = 1.0
-) -> Array:
-    """Return xi = b P/(pi E) {ln(4 pi E R/(b P)) - 1 - nu} [R], eq. (2)."""
-    p = np.asarray(b, float) * pressure / (np.pi * np.asarray(young, float))
-    return p * (np.log(4.0 / p) - 1.0 - np.asarray(poisson))
+def paper_compression(pressure: Any, young: Any, poisson: Any, b: Any = 1.0) -> Any:
+    """Return xi = b P/(pi E) {ln(4 pi E R/(b P)) - 1 - nu} [R], eq. (2), of numbers or
+    arrays."""
+    p = b * pressure / (np.pi * young)
+    return p * (np.log(4.0 / p) - 1.0 - poisson)
 
 
-def exact_compression(
-    pressure: ArrayLike, young: ArrayLike, poisson: ArrayLike
-) -> Array:
+def exact_compression(pressure: Any, young: Any, poisson: Any) -> Any:
     """Return xi = P/(pi E) {ln(pi E R/P) - (1 + nu)/4} [R]: a disk under a uniform body
     force P, on one hard contact.
 
@@ -322,5 +318,5 @@ def exact_compression(
     the disk and Hertz's pressure in the contact (Johnson, Contact Mechanics, 1985,
     section 5.6, treats two contacts). Its relative error is O(P/E).
     """
-    p = np.asarray(pressure, float) / (np.pi * np.asarray(young, float))
-    return p * (np.log(1.0 / p) - 0.25 * (1.0 + np.asarray(poisson)))
+    p = pressure / (np.pi * young)
+    return p * (np.log(1.0 / p) - 0.25 * (1.0 + poisson))

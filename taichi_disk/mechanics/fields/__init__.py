@@ -210,7 +210,7 @@ class Triangles:
     def __init__(self, lattice: Lattice) -> None:
         self.lattice = lattice
         self.triangles = lattice.triangles
-        self._corners = np.ascontiguousarray(self.triangles.T, dtype=np.intp)
+        self._corners = np.ascontiguousarray(self.triangles.T, np.intp)
         n = len(lattice.positions)
         m = len(lattice.bonds)
         t = len(self.triangles)

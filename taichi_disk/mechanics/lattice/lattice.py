@@ -86,7 +86,7 @@ class Lattice:
     @cached_property
     def ends(self) -> NDArray[np.intp]:
         """The two ends (2, m) of the springs, in the type that NumPy indexes with."""
-        return np.ascontiguousarray(self.bonds.T, dtype=np.intp)
+        return np.ascontiguousarray(self.bonds.T, np.intp)
 
     def spring_vectors(self, x: Array) -> Array:
         """Return the differences (2, m) of the `x` (n, 2) of the two ends of each

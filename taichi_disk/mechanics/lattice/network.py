@@ -284,4 +284,4 @@ def inner_moduli(mesh: Lattice, k: float, u: Array) -> Moduli:
     det = stress_x**2 - stress_y**2
     one_over_E = (strain_x * stress_x - strain_y * stress_y) / det
     nu_over_E = (strain_x * stress_y - strain_y * stress_x) / det
-    return Moduli(float(1.0 / one_over_E), float(nu_over_E / one_over_E))
+    return Moduli(young=float(1.0 / one_over_E), poisson=float(nu_over_E / one_over_E))

@@ -281,7 +281,7 @@ def _accepted(darts: Array, spacing: float) -> Array:
 
     pairs = cKDTree(darts).query_pairs(spacing, output_type="ndarray")
     pairs = np.sort(pairs, axis=1)
-    rejected = np.zeros(len(darts), dtype=bool)
+    rejected = np.zeros(len(darts), bool)
     while len(pairs):
         earlier, later = pairs.T
         # a dart that has no earlier one in its reach stays

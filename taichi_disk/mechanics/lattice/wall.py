@@ -60,7 +60,7 @@ def with_wall(
     top, other_sides = _top_and_rest(wall)
     shift = np.int32(n)  # the wall's points follow those of the disk
     lowest = disk.positions[:, 1].min()
-    above = disk.positions - np.array([0.0, lowest])
+    above = disk.positions - [0.0, lowest]
     of_disk = disk.stiffened(np.ones(len(disk.bonds)))
     factors = np.append(of_disk, np.full(len(wall.bonds), stiffness))
     return replace(

@@ -122,7 +122,7 @@ class ExponentialWall(ExponentialPotential, Wall, BodyForce):
         from scipy.sparse import diags
 
         # The force a V0 exp(-a y) falls at the rate of a times itself.
-        rates = np.array([0.0, self.a]) * self.forces(lattice, x)
+        rates = self.forces(lattice, x) * [0.0, self.a]
         return diags(rates.ravel())
 
     def contact_forces(

@@ -89,7 +89,7 @@ def interleave_springs(bonds: Indices, points: int) -> Long:
     # window of WINDOW points, springs are ordered by colour; this keeps memory accesses
     # local and makes a step 10 % faster.
     used = points * [0]  # set of the colours at each point, as bits
-    colour = np.empty(len(bonds), dtype=np.int64)
+    colour = np.empty(len(bonds), np.int64)
     for b, (i, j) in enumerate(bonds.tolist()):
         occupied = used[i] | used[j]
         lowest = ~occupied & (occupied + 1)

@@ -198,7 +198,7 @@ def turned(positions: Array, angle: float) -> Array:
     cos = np.cos(angle)
     sin = np.sin(angle)
     centre = positions.mean(axis=0)
-    return centre + (positions - centre) @ np.array([[cos, sin], [-sin, cos]])
+    return centre + (positions - centre) @ [[cos, sin], [-sin, cos]]
 
 
 # ---- a rigid disk
@@ -240,5 +240,5 @@ def place_on_wall(
     positions = turned(disk.positions, angle)
     heights = positions[:, 1]
     lowest = heights.min()
-    lift = np.array([0.0, wall.height_of_force(load, heights - lowest) - lowest])
-    return replace(disk, positions=positions + lift)
+    lift = wall.height_of_force(load, heights - lowest) - lowest
+    return replace(disk, positions=positions + [0.0, lift])

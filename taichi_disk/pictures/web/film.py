@@ -181,13 +181,12 @@ def _words(caption: Caption) -> list[str]:
     motion = [f"+{one}" for one in others[:1]]
     if caption.result:
         motion = [f"*{caption.result}"]
-    pace = "    ".join(caption.pace)
     return [
         time,
         *motion,
         *others[1:],
         caption.note,
-        pace,
+        "    ".join(caption.pace),
         " ".join(caption.remarks[:2]),
     ]
 

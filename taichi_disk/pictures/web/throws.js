@@ -213,8 +213,7 @@ export class Throws {
     if (ui.verdict.textContent !== text) ui.verdict.textContent = text; // which a screen reader says
   }
 
-  // Throw what the pasted addresses say, one after the other. What Stop or a new throw ends stays in the
-  // field until the next throw is done.
+  // Throw what the pasted addresses say, one after the other. What is ended follows the next throw.
   async collect() {
     const { ui } = this;
     const lines = ui.addresses.value.split("\n").filter((line) => line.trim());

@@ -48,8 +48,11 @@ def write_lattice(
     """
     arrays = {one.name: getattr(lattice, one.name) for one in fields(lattice)}
     del arrays["notes"]
-    arrays |= {"velocities": velocities, "unloaded": unloaded}
-    arrays["wall_impedance"] = impedance
+    arrays |= {
+        "velocities": velocities,
+        "unloaded": unloaded,
+        "wall_impedance": impedance,
+    }
     present = {
         name: array
         for name, array in arrays.items()

@@ -66,13 +66,11 @@ class StepStudy:
             INTEGRATORS[outcome.summary["integrator"]],
             self._steps(outcome.summary["dt"] * (1.0 + 1e-9)),
         )
-        integrators = [
-            integrator for integrator in INTEGRATORS.values() if integrator.takes(model)
-        ]
         runs = {self.default}
-        for method in integrators:
-            limit = self._limit(method)
-            runs |= {(method, self._steps(part * limit)) for part in FRACTIONS}
+        for method in INTEGRATORS.values():
+            if method.takes(model):
+                limit = self._limit(method)
+                runs |= {(method, self._steps(part * limit)) for part in FRACTIONS}
         self.runs = sorted(runs, key=lambda run: (run[0].order, run[0].name, run[1]))
 
     def _limit(self, integrator: Integrator) -> float:

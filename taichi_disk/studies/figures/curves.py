@@ -6,7 +6,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from os.path import commonprefix, sep
+from os.path import commonpath, relpath, sep
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -64,6 +65,10 @@ class Curve:
         return half_width_95(self.deviation / np.sqrt(count), count)
 
     @property
+    def is_of_words(self) -> bool:
+        return self.x.dtype.kind == "U"
+
+    @property
     def lattices(self) -> int:
         return len(self.y)
 
@@ -88,10 +93,9 @@ class Curve:
 
 
 def _fit_summary(fit: Fit) -> Summary:
-    intervals = {name: _known(limits) for name, limits in fit.intervals.items()}
     return {
         "values": {name: _known(value) for name, value in fit.values.items()},
-        "intervals_95": intervals,
+        "intervals_95": {name: _known(pair) for name, pair in fit.intervals.items()},
         "rms_residual": _known(fit.rms),
         "p_value": _known(fit.p_value),
         "residuals": _known(fit.residuals),
@@ -246,7 +250,7 @@ def analyse(
         else the first one that is not the seed; y: a column of numbers, by default the
         main result.
     """
-    rows = _with_short_paths(axes, rows)
+    rows = _with_names_of_files(axes, rows)
     names = {home: name for name, home in axes.items()}
     y = y or base.results[0]
     not_the_seed = min(axes, key=lambda name: axes[name] == SEED)
@@ -292,18 +296,19 @@ def analyse(
     return diagram
 
 
-def _with_short_paths(axes: Iterable[str], rows: Sequence[Row]) -> list[Row]:
-    """Return copies of the rows, in which the values of each axis of files are without
-    the folders that they share."""
-    short = [dict(row) for row in rows]
+def _with_names_of_files(axes: Iterable[str], rows: Sequence[Row]) -> list[Row]:
+    """Return copies of the rows, in which the files of each axis have names without
+    folder and ending, or if these are not unique, without the folder they share."""
+    named = [dict(row) for row in rows]
     for name in axes:
-        paths = [row[name] for row in rows if sep in str(row[name])]
-        start = commonprefix(paths)  # noqa: RUF071 (cut at a separator)
-        folder = start[: start.rfind(sep) + 1]
-        for row in short:
-            if row[name] in paths:
-                row[name] = row[name].removeprefix(folder)
-    return short
+        paths = {row[name] for row in rows if sep in str(row[name])}
+        names = {path: Path(path).stem for path in paths}
+        if len(set(names.values())) < len(paths):
+            folder = commonpath(paths)
+            names = {path: relpath(path, folder) for path in paths}
+        for row in named:
+            row[name] = names.get(row[name], row[name])
+    return named
 
 
 def _sound(rows: Sequence[Row], x: str) -> list[Row]:

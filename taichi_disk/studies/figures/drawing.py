@@ -22,6 +22,7 @@ from taichi_disk.mechanics.lattice import Array
 from taichi_disk.pictures.inline import Plot
 from taichi_disk.pictures.plot import STYLE, SUM, matplotlib_style, powers
 from taichi_disk.studies.figures.curves import LAWS, Curve, Diagram, Line, Row, eq5
+from taichi_disk.studies.figures.texts import as_text
 
 Styled = tuple[Line, str, str]  # a line with its style and name
 LABELS = compression.LABELS | impact.LABELS  # name and unit of each result
@@ -163,6 +164,8 @@ def _drawn(diagram: Diagram) -> Plot:
     ax.yaxis.set_major_formatter(powers())
     if layout.bars == "yerr":
         log_if_wide(ax, np.concatenate([curve.x for curve in curves]))
+    if curves[0].is_of_words:
+        figure.autofmt_xdate()  # turns the words
     styles = curve_styles(len(curves))
     drawn = []
     for curve, style in zip(curves, styles, strict=True):
@@ -197,10 +200,10 @@ def curve_styles(count: int) -> list[Row]:
 
 def _draw_curve(ax: Axes, layout: Layout, curve: Curve, style: Row) -> Any:
     """Draw the points of a curve with their bars, and the lines of its laws, or else a
-    thin line through the points."""
+    thin line through the points, unless words name them."""
     laws = _law_lines(curve)
     width = 0.5
-    if laws:
+    if laws or curve.is_of_words:
         width = 0.0
     options = dict(style)
     if curve.lattices > 1:
@@ -265,9 +268,7 @@ def curve_label(label: Row) -> str:
     parts = []
     for name, value in label.items():
         symbol = SYMBOLS.get(name.split(".")[-1], name)
-        text = str(value)
-        if isinstance(value, float):
-            text = f"{value:.4g}"
+        text = as_text(value)
         if symbol:
             text = f"{symbol} = {text}"
         parts.append(text)

@@ -21,7 +21,7 @@ def curve_rows(
     for curve in curves:
         keys = []
         for name, value in curve.items():
-            keys.append(f"{name}: {_as_text(value)}")
+            keys.append(f"{name}: {as_text(value)}")
             if name == "lattices":  # numbers of the curve follow
                 break
         if curve["folded"]:
@@ -42,9 +42,9 @@ def explanations(curves: Sequence[Summary]) -> Iterator[tuple[str, str]]:
             yield law.title, law.meaning
 
 
-def _as_text(value: Any) -> str:
+def as_text(value: Any) -> str:
     if isinstance(value, float):
-        return f"{value:g}"
+        return f"{value:.4g}"
     return str(value)
 
 

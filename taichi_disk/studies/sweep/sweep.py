@@ -314,11 +314,10 @@ def _rows(
 
 
 def _summary(sweep: Sweep, rows: list[Row], computed_now: int) -> Summary:
-    reported = (*sweep.axes, "reason")
     failed = []
     for row in rows:
         if row["status"] != "done":
-            failed.append({name: row[name] for name in reported})
+            failed.append({name: row[name] for name in (*sweep.axes, "reason")})
     return {
         "scene": sweep.scenes[0].scene,
         "axes": list(sweep.axes),
@@ -354,11 +353,8 @@ def _write_table(
 
 def _as_yaml(row: Row) -> Row:
     """Return the row with true and false as YAML writes them."""
-    written = dict(row)
-    for name, value in row.items():
-        if isinstance(value, bool):
-            written[name] = str(value).lower()
-    return written
+    flags = {name: value for name, value in row.items() if isinstance(value, bool)}
+    return row | {name: str(flag).lower() for name, flag in flags.items()}
 
 
 @contextmanager

@@ -13,8 +13,14 @@ from taichi_disk.experiments.scenes import load_scene
 from taichi_disk.experiments.scenes.compression import paper_compression
 from taichi_disk.pictures.plot import STYLE, matplotlib_style
 from taichi_disk.studies.figures import theory
-from taichi_disk.studies.figures.curves import LAWS, analyse
-from taichi_disk.studies.figures.drawing import FONT, curve_styles, draw, log_if_wide
+from taichi_disk.studies.figures.curves import LAWS, SEED, analyse
+from taichi_disk.studies.figures.drawing import (
+    FONT,
+    curve_styles,
+    draw,
+    figure_to_change,
+    log_if_wide,
+)
 from taichi_disk.studies.figures.texts import curve_rows
 
 V = np.geomspace(3e-3, 5e-2, 12)
@@ -276,6 +282,28 @@ def test_lattices_of_files_are_named_without_their_common_folder_and_judge_no_la
     assert names == ["one/lattice.npz", "two/lattice.npz"]
     assert not any(curve.fits for curve in curves)
     assert rows[0]["lattice.file"] == "/home/runs/one/lattice.npz"
+
+
+def test_bodies_on_the_axis_have_names_that_do_not_overlap():
+    bodies = ("shapes/star", "shapes/ell", "shapes/ring", "a_measured_pebble")
+    rows = [
+        {"outline": f"/home/{body}.svg", "seed": seed, "restitution": 0.9 + 0.01 * k}
+        | {"young": None, "poisson": None}
+        for k, body in enumerate(bodies)
+        for seed in (0, 1)
+    ]
+    axes = {"outline": ("lattice", "outline"), "seed": SEED}
+    figure = figure_to_change(analyse(load_scene("exponential_wall"), axes, rows))
+    figure.draw_without_rendering()
+    (axis,) = figure.axes
+    words = axis.get_xticklabels()
+    names = {word.get_text() for word in words}
+    assert names == {"star", "ell", "ring", "a_measured_pebble"}
+    assert {word.get_fontsize() for word in words} == {9.0}
+    ends = [word.get_window_extent().x1 for word in words]
+    assert min(np.diff(ends)) > 1.5 * 9.0 / 72.0 * figure.dpi  # of parallel lines
+    assert axis.get_window_extent().height > 0.3 * figure.bbox.height
+    assert not any(line.get_linewidth() for line in axis.containers[0].lines[:1])
 
 
 def test_the_same_values_draw_the_same_bytes(tmp_path):
