@@ -15,7 +15,7 @@ import tempfile
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
-from itertools import product
+from itertools import permutations, product
 from math import log, sqrt
 from pathlib import Path
 from time import perf_counter
@@ -72,13 +72,9 @@ LOOK = {
     "Numba": (ORANGE, "D"),
     "Numba, Takahashi-Imada": (ORANGE, "P"),
 }
-# sides of a point on which its name may stand: shift of the name [pt]
-SIDES = {
-    "bottom center": (0, 9),
-    "top center": (0, -9),
-    "bottom left": (6, 6),
-    "top right": (-6, -6),
-}
+# sides of a point on which its name may stand, best first
+SIDES = [(0, 1), (0, -1), (1, 1), (-1, -1), (1, 0), (-1, 0), (-1, 1), (1, -1)]
+NAME_GAP = 5.0  # between a point and its name [pt]
 FLOOR = 1e-11  # of errors: to what the reference is known
 SOLVERS = ("DOP853", "Radau", "BDF")
 HIGHER = (*SOLVERS, f"run, {NAMES[IMADA]}", "Numba, Takahashi-Imada")
@@ -361,6 +357,7 @@ def diagram(points):
 def draw_program(ax, program, kind, points):
     """Draw the points of a program that are of this kind."""
     own = [point for point in points if kind_of(point) == (program, kind)]
+    own.sort(key=lambda point: -point.error)
     if not own:
         return
     colour, marker = LOOK[program]
@@ -377,34 +374,60 @@ def draw_program(ax, program, kind, points):
 
 
 def name_lines(ax):
-    """Write the name of each line beside one of its points, where it covers fewest
-    lines and names: above a point at the start of the line, or below one at its end."""
-    taken = np.concatenate([np.empty((0, 2)), *map(along, ax.lines)])
+    """Write the name of each line beside one of its points, where names cover fewest
+    lines and names: above a point at the start of the line, or below one at its end.
+
+    A name takes the best place that earlier ones leave, in the best of all orders.
+    """
+    pixels = ax.figure.dpi / 72.0  # of a point
+    names = []
     for line in ax.lines:
-        places = list(enumerate(line.get_xydata()))
-        tries = []
-        for (rank, place), (side, shift) in product(places, SIDES.items()):
-            end = rank if shift[1] > 0 else len(places) - 1 - rank
-            name = ax.annotate(
-                line.get_label(),
-                place,
-                xytext=shift,
-                textcoords="offset points",
-                color=line.get_color(),
-                ha=side.split()[1],
-                va=side.split()[0],
-            )
-            box = name.get_window_extent()
-            inside = ax.bbox.x0 < box.x0 and box.x1 < ax.bbox.x1
-            inside = inside and ax.bbox.y0 < box.y0 and box.y1 < ax.bbox.y1
-            tries.append((covered(box, taken), not inside, end, len(tries), name))
-        *_, best = min(tries)
-        for *_, name in tries:
-            if name is not best:
-                name.remove()
-        box = best.get_window_extent()
-        grid = product(np.linspace(box.x0, box.x1, 40), np.linspace(box.y0, box.y1, 9))
-        taken = np.concatenate([taken, list(grid)])
+        look = {"color": line.get_color(), "ha": "center", "va": "center"}
+        place = line.get_xydata()[0]
+        name = ax.annotate(
+            line.get_label(), place, (0, 0), textcoords="offset points", **look
+        )
+        names.append((name, places_of(line, name, pixels)))
+    lines = np.concatenate([np.empty((0, 2)), *map(along, ax.lines)])
+    least = np.inf
+    for order in permutations(names):
+        taken = lines
+        chosen = []
+        for name, places in order:
+            costs = [covered(box, taken, ax.bbox) for _, _, box in places]
+            best = int(np.argmin(costs))
+            chosen.append((costs[best] + 1e-3 * best, name, places[best]))
+            (x0, x1), (y0, y1) = np.transpose(places[best][2])
+            grid = product(np.linspace(x0, x1, 40), np.linspace(y0, y1, 9))
+            taken = np.concatenate([taken, list(grid)])
+        if sum(cost for cost, *_ in chosen) < least:
+            least = sum(cost for cost, *_ in chosen)
+            found = chosen
+        if least < 1.0:  # nothing is covered
+            break
+    for _, name, (point, shift, _) in found if names else ():
+        name.xy = point
+        name.set_position(tuple(shift / pixels))
+
+
+def places_of(line, name, pixels):
+    """Return the places of a name, best first: (point, shift of the name's middle [px],
+    its lower left and upper right corner [px])."""
+    box = name.get_window_extent()
+    half = 0.5 * np.array([box.width, box.height])
+    points = line.get_xydata()
+    found = []
+    for rank, point in enumerate(points):
+        at = line.get_transform().transform(point)
+        for kind, side in enumerate(SIDES):
+            gap = NAME_GAP * pixels / np.hypot(*side)
+            shift = side * (half + gap)
+            end = rank
+            if side[1] < 0:
+                end = len(points) - 1 - rank
+            corners = np.array([at + shift - half, at + shift + half])
+            found.append((end, kind, rank, (point, shift, corners)))
+    return [place for *_, place in sorted(found, key=lambda one: one[:3])]
 
 
 def along(line):
@@ -417,11 +440,14 @@ def along(line):
     return np.transpose(places)
 
 
-def covered(box, taken):
-    """Return how many of the points lie in a box or within half a marker of it."""
-    low = np.array([box.x0, box.y0]) - 8.0
-    high = np.array([box.x1, box.y1]) + 8.0
-    return int(np.all((low < taken) & (taken < high), axis=1).sum())
+def covered(box, taken, inside):
+    """Return how many of the points lie in a box or within half a marker of it; many if
+    the box is not `inside`."""
+    low, high = box
+    if (low < inside.p0).any() or (high > inside.p1).any():
+        return 10_000
+    near = (low - 8.0 < taken) & (taken < high + 8.0)
+    return int(near.all(axis=1).sum())
 
 
 def kind_of(point):
