@@ -9,7 +9,7 @@ import sys
 from contextlib import suppress
 from ctypes import CDLL, byref, c_uint32, c_uint64, c_void_p
 from glob import glob
-from importlib.util import find_spec
+from importlib.machinery import PathFinder
 from math import ceil, inf
 from pathlib import Path
 
@@ -83,19 +83,21 @@ def can_start_python() -> bool:
     return is_python and path.is_file() and not is_frozen
 
 
-def foreign_packages() -> str:
-    """Return which packages come from folders in PYTHONPATH, as modules of a cluster
-    and ROS set it, with what helps; "" if there are none."""
-    folders = os.environ.get("PYTHONPATH", "").split(os.pathsep)
-    known = [os.path.abspath(folder) for folder in folders if folder]
+def foreign_packages(*others: str) -> str:
+    """Return which packages, also of `others`, come from folders in PYTHONPATH, as
+    modules of a cluster and ROS set it, or from a file beside the user's program, with
+    what helps; "" if there are none."""
+    folders = filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))
+    first = [sys.path[0], *folders]
     found = []
-    for name in ("numpy", "scipy", "yaml"):
-        origin = str(getattr(find_spec(name), "origin", ""))
-        if origin.startswith(tuple(known)):
+    for name in ("numpy", "scipy", "yaml", *others):
+        # none of a folder without modules, which does not hide a package
+        origin = getattr(PathFinder.find_spec(name, first), "origin", None)
+        if origin:
             found.append(f"{name} is {origin}")
     if not found:
         return ""
-    return f"by PYTHONPATH, {', '.join(found)}; try again after: unset PYTHONPATH"
+    return f"{', '.join(found)}; try again after: unset PYTHONPATH, or rename that file"
 
 
 def driver_state() -> str:

@@ -448,6 +448,12 @@ def numbers_in(browser):
     return (*fields, browser.script(task))
 
 
+def test_an_address_is_read_before_the_hash_too(browser, thrown):
+    throw_at(browser, thrown, "?v=0.02&eta=50&forcedownload=1#v=0.03")
+    assert numbers_in(browser) == ("0.03", "50", "")
+    assert browser.text("told") == ""
+
+
 def test_an_address_is_read_as_people_write_it_or_named(browser, thrown):
     throw_at(browser, thrown, "#v=0.03&eta=50")
     for address, numbers, words in ADDRESSES:

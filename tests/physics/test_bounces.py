@@ -55,6 +55,7 @@ def test_a_restitution_is_the_root_of_the_ratio_of_two_heights(bounced):
     heights = np.array([fall, *(highest[tops] - scenario.surface)])
     e = restitutions(outcome)
     assert len(e) == 6
+    assert outcome.summary["measured"].keys() >= {"restitution", "restitution_6"}
     np.testing.assert_allclose(e, np.sqrt(heights[1:] / heights[:-1]), rtol=1e-6)
     # the wall's potential at the surface is that of the flight
     assert scenario.scene.wall.potential(

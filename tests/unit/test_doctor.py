@@ -9,6 +9,7 @@ from programs import command
 
 from taichi_disk import doctor
 from taichi_disk.base import engine
+from taichi_disk.base.machine import foreign_packages
 from taichi_disk.cli import main
 
 
@@ -71,10 +72,24 @@ def test_a_package_of_pythonpath_that_does_not_fit_is_named(tmp_path, content):
     file.write_text(content)
     folders = [str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(folders)}
-    foreign = f"by PYTHONPATH, numpy is {file}; try again after: unset PYTHONPATH"
+    foreign = f"numpy is {file}; try again after: unset PYTHONPATH, or rename that file"
     done = command("run", "compression", cwd=tmp_path, env=environment)
     assert done.returncode == 1 and len(done.stderr.splitlines()) == 1
     assert foreign in done.stderr
     done = command("doctor", env=environment)
     assert done.returncode == 1
     assert done.stdout.endswith(f"    {foreign}\n") and "libX11" not in done.stdout
+
+
+def test_a_file_of_the_user_with_the_name_of_the_engine_is_named(tmp_path):
+    file = tmp_path / "taichi.py"
+    file.write_text("")
+    (tmp_path / "numpy").mkdir()  # holds no modules
+    done = command("run", "compression", cwd=tmp_path)
+    assert done.returncode == 1 and len(done.stderr.splitlines()) == 1
+    assert f"; taichi is {file}; try again after: " in done.stderr
+
+
+def test_an_environment_below_a_folder_of_pythonpath_is_not_foreign(monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([sys.prefix, os.sep]))
+    assert foreign_packages() == ""

@@ -37,15 +37,16 @@ def __getattr__(name: str) -> Any:
     internals.shorten_searches()
     try:
         module = import_module(NAME)
-    except ImportError as error:
+        internals.patch(module)
+    except (ImportError, AttributeError) as error:
+        sys.modules.pop(NAME, None)  # which may be a file of the user's
         needs = (
             "it needs libX11 and, on Linux, glibc 2.34 or later (Debian 12, Ubuntu"
             " 22.04, RHEL 9)"
         )
         raise TaichiDiskError(
-            f"{PACKAGE} cannot be loaded: {error}; {foreign_packages() or needs}"
+            f"{PACKAGE} cannot be loaded: {error}; {foreign_packages(NAME) or needs}"
         ) from None
-    internals.patch(module)
     globals()["ti"] = module
     return module
 

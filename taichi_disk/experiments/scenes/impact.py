@@ -83,7 +83,9 @@ LABELS = {
 MEASURED = {
     "restitution": (
         "-v_cm(after)/v_cm(before), far from the wall, after the disk has left for good"
+        "; under gravity sqrt(E(after)/E(before)) of a bounce, E: energy of the flight"
     ),
+    **dict.fromkeys(LATER, "as restitution, of a later bounce"),
     "contact_time": (
         f"first to last time that the wall's force is {CONTACT_LEVEL:g} of its peak"
         " [R/c]"

@@ -86,8 +86,9 @@ export class Throws {
 
   // Throw as the address says, beginning from the film's own numbers.
   obey() {
+    const { numbers: asked } = readAddress(location.search.slice(1)); // courses add words of their own there
     const { numbers, faults } = readAddress(location.hash);
-    const wanted = { ...this.own, ...numbers };
+    const wanted = { ...this.own, ...asked, ...numbers };
     const beyond = this.want(wanted);
     this.set(this.own.goal);
     const noGoal = this.set(wanted.goal);

@@ -3,6 +3,7 @@
 import os
 import re
 import resource
+import sys
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -51,6 +52,7 @@ def test_an_engine_that_cannot_be_loaded_says_what_it_needs(monkeypatch):
     def fails(name):
         raise ImportError("/lib/libc.so.6: version `GLIBC_2.34' not found")
 
+    monkeypatch.delitem(sys.modules, engine.NAME)
     monkeypatch.setattr(engine, "import_module", fails)
     with pytest.raises(
         TaichiDiskError, match=r"GLIBC_2.34' not found; it needs libX11"
