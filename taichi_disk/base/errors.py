@@ -122,8 +122,9 @@ def shown_path(path: object) -> str:
 def reason(error: BaseException) -> str:
     """Return the message of `error`; for an OSError only the system's words, because
     the caller names the file."""
-    if isinstance(error, ModuleNotFoundError):
-        return f"it needs {error.name}: {pip_install(str(error.name))}"
+    # a module that another one lacks may be hidden by a file of the user's
+    if isinstance(error, ModuleNotFoundError) and "." not in (name := str(error.name)):
+        return f"it needs {name}: {pip_install(name)}"
     if not isinstance(error, OSError):
         return str(error)
     if isinstance(error, FileNotFoundError) and not _has_working_folder():
