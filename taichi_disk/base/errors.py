@@ -122,7 +122,8 @@ def shown_path(path: object) -> str:
 def reason(error: BaseException) -> str:
     """Return the message of `error`; for an OSError only the system's words, because
     the caller names the file."""
-    if isinstance(error, ModuleNotFoundError):
+    # a module that another one lacks may be hidden by a file of the user's
+    if isinstance(error, ModuleNotFoundError) and "." not in str(error):
         return f"it needs {error.name}: {pip_install(str(error.name))}"
     if not isinstance(error, OSError):
         return str(error)

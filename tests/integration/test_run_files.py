@@ -17,6 +17,7 @@ from programs import contents, python, summary_in
 
 from taichi_disk import Lattice, Result, load_scene, run
 from taichi_disk.base import engine, files
+from taichi_disk.base.errors import InputError
 from taichi_disk.cli import main
 from taichi_disk.mechanics.physics import ElasticWall, MatchedBoundary, Model, Springs
 from taichi_disk.mechanics.simulation.observables import COLUMNS
@@ -382,6 +383,8 @@ def test_a_run_keeps_its_outline_and_repeats_it_in_a_folder_that_moved(tmp_path)
     first = run(scene, tmp_path / "first", video=False)
     assert len(first.summary["lattices"]["restitution"]["values"]) == 8
     drawing.write_text("0,0\n1,0\n1,2\n0,2\n")
+    with pytest.raises(InputError, match="outline has changed since the run"):
+        first.save(tmp_path / "saved")
     other = run(scene, tmp_path / "first", count_on=True, **quick)
     assert other.out.name == "first-2"
     assert other.restitution != first.restitution

@@ -5,7 +5,7 @@ import re
 import sys
 
 import pytest
-from programs import command
+from programs import command, python
 
 from taichi_disk import doctor
 from taichi_disk.base import engine
@@ -88,6 +88,14 @@ def test_a_file_of_the_user_with_the_name_of_the_engine_is_named(tmp_path):
     done = command("run", "compression", cwd=tmp_path)
     assert done.returncode == 1 and len(done.stderr.splitlines()) == 1
     assert f"; taichi is {file}; try again after: " in done.stderr
+
+
+def test_a_file_of_the_user_with_the_name_of_yaml_is_named(tmp_path):
+    file = tmp_path / "yaml.py"
+    file.write_text("")
+    program = "from taichi_disk import load_scene"
+    done = python("-c", program, cwd=tmp_path)
+    assert f"'BaseLoader' from 'yaml' ({file})" in done.stderr
 
 
 def test_an_environment_below_a_folder_of_pythonpath_is_not_foreign(monkeypatch):

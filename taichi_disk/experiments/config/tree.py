@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import yaml
+from yaml import BaseLoader  # whose absence names a yaml.py of the user's
 
 from taichi_disk.base.errors import (
     InputError,
@@ -130,7 +131,7 @@ _FLOAT = re.compile(
 )
 
 
-class _Loader(yaml.BaseLoader):  # a BaseLoader keeps scalars as text
+class _Loader(BaseLoader):  # a BaseLoader keeps scalars as text
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         # twenty lines of aliases can stand for millions of values
         if self.check_event(yaml.AliasEvent):

@@ -138,6 +138,8 @@ def _polygon(paths: list[Array]) -> Any:
             f"the outline is not the edge of one body: {fault.lower()} at {spot}; its"
             " points go round the body once, and other paths are holes in it"
         )
+    if not body.boundary.is_simple:
+        raise InputError("a hole touches the edge or another hole: leave a gap")
     return body.normalize()
 
 

@@ -441,6 +441,11 @@ class Result(Outcome):
         own = self.scenario.own
         text = self.scenario.stored_scene.to_yaml()
         work = Work(self.scene, own.disk, own.velocities)
+        if work.digest != self.summary.get("lattice_digest", ""):
+            raise InputError(
+                "save: the file of the outline has changed since the run, and cannot be"
+                " saved with it: run the scene again"
+            )
         with run_folder(out, text, False, overwrite, work.digest) as folder:
             copy = replace(self, summary=dict(self.summary))
             work.write_start(folder.path, self.scenario)

@@ -52,6 +52,7 @@ class Work:
     Attributes:
         scene: the scene, whose throw is that of user-supplied velocities.
         own: user-supplied lattice and velocities.
+        digest: of what the user supplied besides the scene; "" if nothing.
         clock: wall-clock time of each stage [s].
         summary: content of summary.json; empty until the scene has been computed.
     """
@@ -71,6 +72,7 @@ class Work:
         self.summary: Summary = {}
         self.progress = progress or silent
         self.own = own_start(scene.lattice, lattice, velocities)
+        self.digest = self.own.digest + file_digest(scene.lattice, "outline")
         self.scene = scene
         if self.own.velocities is not None:
             self.scene = scene.thrown_with(self._body(), self.own.velocities)
@@ -79,11 +81,6 @@ class Work:
         if self.own.disk is not None:
             return self.own.disk
         return body_of(self.scene)
-
-    @property
-    def digest(self) -> str:
-        """Digest of what the user supplied besides the scene; "" if nothing."""
-        return self.own.digest + file_digest(self.scene.lattice, "outline")
 
     def lap(self, stage: str, **within: float) -> None:
         """Add the time since the last lap to `stage`, minus the times `within` it,

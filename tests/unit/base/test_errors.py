@@ -28,6 +28,8 @@ def test_a_message_names_the_file_if_there_is_one():
     assert message == "No space left on device"
     assert system_message(OSError("no words")) == "no words"
     assert reason(ValueError("a")) == "a"
+    hidden = "No module named 'xml.etree'; 'xml' is not a package"
+    assert reason(ModuleNotFoundError(hidden, name="xml.etree")) == hidden
 
 
 @pytest.mark.parametrize("command", ["run", "accuracy", "check"])

@@ -119,6 +119,10 @@ FAULTS = {
         "0,0\n1,1\n1,0\n0,1",
         "self-intersection at (0.5, 0.5); its points go round the body once",
     ),
+    "touching.svg": (
+        svg('<path d="M0 0H60V60H0ZM0 30L20 20V40Z"/>'),
+        "a hole touches the edge or another hole",
+    ),
     "two.svg": (
         svg('<circle r="4"/><circle cx="9" r="4"/>'),
         "hole lies outside shell at (13, 0)",
