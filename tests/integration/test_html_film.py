@@ -283,6 +283,13 @@ def test_without_a_script_a_sentence_says_so_and_no_control_is_seen(browser, fol
 
 def test_on_paper_circles_are_round_and_forced_colours_leave_pictures(browser, folder):
     opened(browser, folder / "film.html", (834, 640))
+    theme = "return document.documentElement.dataset.theme"
+    browser.script(CHOOSE, "theme", "dark")
+    browser.script("window.dispatchEvent(new Event('beforeprint'))")
+    assert browser.script(theme) == "light"
+    browser.script("window.dispatchEvent(new Event('afterprint'))")
+    assert browser.script(theme) == "dark"
+    browser.script(CHOOSE, "theme", "light")
     browser.emulate(media="print")
     browser.resize((500, 700))
     time.sleep(0.2)
@@ -583,7 +590,9 @@ def test_a_table_takes_the_addresses_of_others_and_survives_a_reload(browser, th
     throw_at(browser, thrown, "#v=0.04")
     browser.script("document.getElementById('list').open = true")
     lines = [
-        "https://x.org/a.html#v=0.1&eta=10&goal=0.9",
+        "[Play](<https://x.org/a.html#v=0.1&eta=10&goal=0.9>)",
+        "https://x.org/?url=https%3A%2F%2Fx.org%2Fa.html%23v%3D0.03%26eta%3D10&data=5",
+        "https://x.org/a.html%23v=0.05&eta=20",
         " v=0,02 eta=10",
         "v=3&eta=x",
         "v=0.5&eta=1",
@@ -594,16 +603,19 @@ def test_a_table_takes_the_addresses_of_others_and_survives_a_reload(browser, th
     browser.wait(lambda: "v=0.5" in browser.script(faults))
     assert "v=3&eta=x: eta: “x” is not read as a number" in browser.script(faults)
     assert "0.5 is beyond the slider: 0.1." in browser.script(faults)
-    expected = ["0.02", "0.1", "0.04"]
+    expected = ["0.02", "0.05", "0.03", "0.1", "0.04"]
     browser.wait(lambda: browser.script(SPEEDS) == expected)
     dots = "return document.querySelectorAll('#diagram b').length"
-    assert browser.script(dots) == 3
+    assert browser.script(dots) == 5
     browser.driver.refresh()
     browser.wait(lambda: title_of(browser))
     browser.script("document.getElementById('list').open = true")
     browser.wait(lambda: browser.script(SPEEDS) == expected)
     browser.script("document.querySelector('#table button').click()")
-    assert browser.script(dots) == 2
+    assert browser.script(dots) == 4
+    browser.emulate(media="print")
+    assert browser.visible("table") and not browser.visible("throw")
+    browser.emulate()
     # links that Stop ends are taken after the next throw
     browser.script(PASTE + "document.getElementById('stop').click()", "v=0.07\nv=0.06")
     assert browser.text("told") == "Stopped: Throw begins again."
@@ -634,6 +646,24 @@ def test_copy_link_says_what_was_copied_or_shows_it(browser, thrown):
         )
         assert field.startswith(text)
         assert not browser.script("return document.querySelector('.copied')")
+
+
+def test_a_copied_table_has_the_decimal_sign_of_the_browsers_language(browser, thrown):
+    locale = "Emulation.setLocaleOverride"
+    browser.driver.execute_cdp_cmd(locale, {"locale": "de-DE"})
+    throw_at(browser, thrown, "#v=0.1&eta=15")
+    browser.driver.execute_cdp_cmd(locale, {})
+    browser.script(CLIPBOARD + "document.getElementById('list').open = true")
+    browser.click("copy")
+    browser.wait(lambda: "like 0,5:" in browser.text("told"))
+    assert re.search(r"\ne\t0,\d+\t0,1\t15\n", browser.script("return window.copied"))
+
+
+def test_a_finger_on_the_film_scrolls_its_page(browser, thrown):
+    browser.resize((640, 360))
+    throw_at(browser, thrown)
+    browser.drag((320, 160), (320, 40), touch=True)
+    assert browser.script("return document.querySelector('main').scrollTop") > 50
 
 
 FRAMES = [

@@ -359,10 +359,11 @@ async function play() {
     ui.moment.ariaValueText = words.filter(Boolean).map(bare).join(", ");
   }
 
-  function change() {
+  function change(theme = settings.theme) {
+    settings.theme = theme;
     controls.show(specs.map((spec) => ({ ...spec, value: settings[spec.key] })));
-    document.documentElement.dataset.theme = settings.theme;
-    const { velocity } = scene.themes[settings.theme];
+    document.documentElement.dataset.theme = theme;
+    const { velocity } = scene.themes[theme];
     document.documentElement.style.setProperty("--velocity", velocity);
     all((one) => one.set({ ...settings, ...checked(ui.options) }));
     show();
@@ -421,10 +422,15 @@ async function play() {
     const ariaLabel = Number(name) ? `bounce ${name}` : name;
     ui.line.append(element("button", { style, ariaLabel, onclick: () => goTo(moment) }, name));
   }
-  ui.options.onchange = change;
+  ui.options.onchange = () => change();
   ui.fold.onclick = () => {
     ui.graphs.classList.toggle("unfolded");
     show();
+  };
+  window.onbeforeprint = () => {
+    const { theme } = settings;
+    window.onafterprint = () => change(theme);
+    change("light"); // as the paper
   };
   ui.moment.oninput = () => goTo(Number(ui.moment.value));
   ui.play.onclick = () => setPlaying(!isPlaying);

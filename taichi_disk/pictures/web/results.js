@@ -24,6 +24,9 @@ const SET_COLOURS = [
   ["#9c3587", "#f08ad8"],
   ["#5a5d64", "#a9abb0"],
 ];
+// decimal sign of a copied table, which a spreadsheet in the browser's language reads
+const SIGN = (0.5).toLocaleString() === "0,5" ? "," : ".";
+export const COPIED = `Copied, with numbers like 0${SIGN}5: paste it into a table.`;
 
 // Return the results in sets with equal parameters: {label, colours, rows}.
 export function inSets(results) {
@@ -232,9 +235,10 @@ export function showResults(table, results) {
 
 export function asText(table, separator) {
   const quoted = (text) => (text.includes(separator) ? `"${text}"` : text);
+  const local = (text) => (separator === "\t" ? text.replace(/^(-?\d+)\.(?=\d)/, `$1${SIGN}`) : text);
   const lines = [...table.rows].map((row) => {
     const cells = [...row.cells].filter((cell) => !cell.querySelector("button"));
-    return cells.map((cell) => quoted(cell.title || cell.textContent)).join(separator);
+    return cells.map((cell) => quoted(local(cell.title || cell.textContent))).join(separator);
   });
   return lines.join("\n") + "\n";
 }

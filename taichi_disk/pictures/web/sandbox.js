@@ -7,7 +7,7 @@ import { followPointers, grip } from "./gestures.js";
 import { Graphs, LETTERS } from "./graphs.js";
 import { checked, copy, download, element, elements, inks, store } from "./html.js";
 import { unpacked } from "./message.js";
-import { asText, showDiagram, showResults } from "./results.js";
+import { COPIED, asText, showDiagram, showResults } from "./results.js";
 import { showScenes } from "./scenes.js";
 
 const OWN_KEYS = [
@@ -126,7 +126,7 @@ export class Sandbox {
       svg: () => download(this.outline, this.outlineName, "text/plain"),
       draw: () => this.sketch(!this.isSketching),
       csv: () => download(asText(ui.table, ","), "results.csv", "text/csv"),
-      copy: () => copy(asText(ui.table, "\t"), (text) => this.say(text), "Copied: paste it into a table."),
+      copy: () => copy(asText(ui.table, "\t"), (text) => this.say(text), COPIED),
       projector: () => this.project(!node.hasAttribute("data-projector")),
       fold: () => this.fold(),
       more: () => (ui.more.ariaExpanded = node.toggleAttribute("data-more")),

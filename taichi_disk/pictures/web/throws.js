@@ -3,7 +3,7 @@
 import { Again, diskOf } from "./again.js";
 import { Controls, digits, notRead, readNumber } from "./controls.js";
 import { copy, store } from "./html.js";
-import { asText, showDiagram, showResults } from "./results.js";
+import { COPIED, asText, showDiagram, showResults } from "./results.js";
 import { throwing } from "./stepper.js";
 
 const DONE = 0.003; // largest distance of e from the goal
@@ -25,7 +25,9 @@ const PATIENCE = 300; // time after which the page shows how far a throw is [ms]
 function readAddress(address) {
   const numbers = {};
   const faults = [];
-  const end = address.slice(address.indexOf("#") + 1);
+  // A link within another is encoded up to the next &. Brackets or quotes may be around a link.
+  const link = address.replace(/^[^#]*?%23([^&=]*)(&.*)?$/s, "#$1").replace("%23", "#");
+  const end = link.slice(link.indexOf("#") + 1).replace(/[>)\]"'”»]+\s*$/, "");
   const unread = end.length > LONGEST ? [`what follows ${LONGEST} letters`] : [];
   // URLSearchParams decodes, without an error for what is no code.
   const text = end.slice(0, LONGEST).replace(/[&+]/g, encodeURIComponent);
@@ -73,7 +75,7 @@ export class Throws {
       const fault = this.set(readNumber(text.replace("%", "")) / 100);
       if (fault) this.tell(`“${text.slice(0, 40)}” is no goal: write a number from 1 to 100.`);
     };
-    ui.copy.onclick = () => copy(asText(ui.table, "\t"), this.tell, "Copied: paste it into a table.");
+    ui.copy.onclick = () => copy(asText(ui.table, "\t"), this.tell, COPIED);
     ui.addresses.onchange = () => this.collect();
     ui.table.onclick = ({ target }) => {
       if (target.dataset.remove) this.rows.splice(target.dataset.remove, 1);
