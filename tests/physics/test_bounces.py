@@ -158,6 +158,12 @@ def test_a_run_that_ends_too_early_says_how_many_bounces_it_made(kernels):
         computed(kernels, *RINGING, "impact.max_time=50")
 
 
+def test_a_disk_that_folds_and_stays_on_the_wall_is_told_so(kernels):
+    keys = ("impact.velocity=1", "impact.gravity=0.05", "impact.max_time=2")
+    with pytest.raises(SimulationError, match="triangles turned inside out: springs"):
+        computed(kernels, *RINGING, "time.dt=auto", *keys)
+
+
 def test_the_height_of_a_fall_gives_the_speed():
     scene = load_scene("exponential_wall", ["impact.gravity=0.001", "impact.drop=1.25"])
     assert scene.impact.velocity == pytest.approx(0.05, rel=1e-15)

@@ -127,7 +127,7 @@ def _polygon(paths: list[Array]) -> Any:
         if norms(last - first) > _MAX_GAP * sides.max(initial=0.0):
             raise InputError(
                 f"a path is open from {shown_point(last)} to {shown_point(first)}:"
-                " close it"
+                " close or remove it"
             )
     paths = sorted(paths, key=lambda path: -shapely.Polygon(path).area)
     body = shapely.Polygon(paths[0], paths[1:])

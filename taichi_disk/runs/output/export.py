@@ -303,18 +303,25 @@ def check_export(path: Path, format: str | None = None) -> tuple[Path, str]:
 
     `path`: a file whose suffix names the format, or a folder; `format`: one of FORMATS,
     if `path` is a folder. Raises InputError if the format does not exist, its package
-    is missing, or the folder is not writable.
+    is missing, a run has a file of that name, or the folder is not writable.
     """
     if path.is_dir() and format in FORMATS:
         path = path / f"trajectory{FORMATS[format][0]}"
     by_suffix = {suffix: name for name, (suffix, _) in FORMATS.items()}
     name = by_suffix.get(path.suffix)
-    if name is None or format not in (None, name):
+    if (
+        name is None
+        or format not in (None, name)
+        or path.name in ("lattice.npz", "final.npz")
+    ):
         target = str(path)
         if format:
             target += f" as {format}"
         endings = ", ".join(f"{name} ({suffix})" for suffix, name in by_suffix.items())
-        raise InputError(f"cannot export to {target}: the formats are {endings}")
+        raise InputError(
+            f"cannot export to {target}: the formats are {endings}; the names"
+            " lattice.npz and final.npz are taken by runs"
+        )
     if name == "vtu":
         if find_spec("meshio") is None:
             needed = "the format vtu needs the package meshio"

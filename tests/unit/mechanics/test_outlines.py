@@ -114,7 +114,10 @@ def test_a_drawing_gives_the_body_of_its_points(tmp_path):
 
 FAULTS = {
     "open.svg": (svg('<path d="M0 4A4 4 0 0 1 8 4"/>'), "open from (8, -4) to (0, -4)"),
-    "open.csv": ("\n".join(f"{k},{k * k / 90}" for k in range(90)), "a path is open"),
+    "open.csv": (
+        "\n".join(f"{k},{k * k / 90}" for k in range(90)),
+        "close or remove it",
+    ),
     "bow.csv": (
         "0,0\n1,1\n1,0\n0,1",
         "self-intersection at (0.5, 0.5); its points go round the body once",
