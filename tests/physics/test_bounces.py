@@ -154,14 +154,9 @@ def test_a_damped_disk_comes_to_rest(kernels, eta_star, made):
 
 
 def test_a_run_that_ends_too_early_says_how_many_bounces_it_made(kernels):
-    with pytest.raises(SimulationError, match="has made 2 of 6 bounces by t = 50"):
+    text = "has made 2 of 6 bounces by t = 50.* folded stays: set impact.velocity lower"
+    with pytest.raises(SimulationError, match=text):
         computed(kernels, *RINGING, "impact.max_time=50")
-
-
-def test_a_disk_that_folds_and_stays_on_the_wall_is_told_so(kernels):
-    keys = ("impact.velocity=1", "impact.gravity=0.05", "impact.max_time=2")
-    with pytest.raises(SimulationError, match="triangles turned inside out: springs"):
-        computed(kernels, *RINGING, "time.dt=auto", *keys)
 
 
 def test_the_height_of_a_fall_gives_the_speed():

@@ -16,7 +16,6 @@ from taichi_disk.experiments.computation.diagnostics import (
     EnergyBalance,
     LostBalance,
     explained,
-    inside_out,
     unacceptable,
 )
 from taichi_disk.experiments.computation.scenario import Scenario
@@ -161,11 +160,7 @@ class Driver:
             if self.status != "running" or perf_counter() >= until:
                 break
         if self.status == "running" and self.simulation.step_number >= self.last_step:
-            self._fail(
-                SimulationError(
-                    inside_out(self.columns) or self.scenario.unfinished(self.columns)
-                )
-            )
+            self._fail(SimulationError(self.scenario.unfinished(self.columns)))
         return self.status
 
     def _launch(self, last: int) -> None:

@@ -63,5 +63,5 @@ def unfinished_bounces(columns: Columns, bounces: int) -> str:
     return (
         f"the disk has made {len(apexes(columns))} of {bounces} bounces by t ="
         f" {columns['t'][-1]:.6g} R/c: set impact.bounces lower, or impact.max_time"
-        " higher"
+        " higher; a disk that has folded stays: set impact.velocity lower"
     )
