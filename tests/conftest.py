@@ -19,27 +19,13 @@ SANDBOX = {
     "test_hostile_visitors",
     "test_messages",
     "test_mouse_spring",
+    "test_page",
+    "test_page_look",
     "test_pages",
     "test_sandbox",
     "test_session",
     "test_shared_kernels",
 }
-# they wait for other processes most of the time
-WAITING = {
-    "test_any_desk",
-    "test_cli",
-    "test_doctor",
-    "test_drawing",
-    "test_html_film",
-    "test_meshes",
-    "test_page",
-    "test_page_look",
-    "test_pages_on_stage",
-    "test_setup",
-    "test_signals",
-}
-# whose unit tests compile no simulations
-WITHOUT_KERNELS = {"base", "pictures", "runs", "studies"}
 
 
 def pytest_addoption(parser):
@@ -52,10 +38,9 @@ def pytest_addoption(parser):
 def pytest_collection_modifyitems(config, items):
     """Skip the long checks unless they are requested.
 
-    Three processes share the tests, and each begins with its third. The folder of long
+    Two processes share the tests, and each begins with its half. The folder of long
     checks runs first, so that short tests are left for the end; then the tests that
-    share the simulations of the sandbox, so that one process compiles them. The last
-    third waits, or computes little: the two cores are left to the two other processes.
+    share the simulations of the sandbox, so that one process compiles them.
     """
     skip = pytest.mark.skip(reason="a long check: add --validate")
     for item in items:
@@ -67,8 +52,6 @@ def pytest_collection_modifyitems(config, items):
         key=lambda item: (
             item.path.parent.name != "validation",
             item.path.stem not in SANDBOX,
-            item.path.stem in WAITING or item.path.parent.name in WITHOUT_KERNELS,
-            item.path.stem not in WAITING,
         )
     )
 
@@ -88,7 +71,8 @@ def pytest_make_parametrize_id(val, argname):
 
 @pytest.fixture
 def kernels():
-    """Return the KernelCache of this process, because compiling takes long."""
+    """Return the KernelCache of this process, because compiling takes most of the
+    tests' time."""
     from taichi_disk.base import runtime
     from taichi_disk.mechanics.simulation.simulation import shared_kernels
 
