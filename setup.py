@@ -1,5 +1,5 @@
-"""Modules and scenes that a pull took away would be packed from the folder of an
-earlier build, too."""
+"""Empty the folder of an earlier build. A wheel would also contain the modules and
+scenes in it that have been removed since."""
 
 from shutil import rmtree
 

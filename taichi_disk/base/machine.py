@@ -91,7 +91,7 @@ def foreign_packages(*others: str) -> str:
     first = [sys.path[0], *folders]
     found = []
     for name in ("numpy", "scipy", "yaml", *others):
-        # none of a folder without modules, which does not hide a package
+        # A folder that is no package has no origin, and hides none.
         origin = getattr(PathFinder.find_spec(name, first), "origin", None)
         if origin:
             found.append(f"{name} is {origin}")

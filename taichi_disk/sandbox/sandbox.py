@@ -297,7 +297,7 @@ class Sandbox:
         self._warnings = warnings(segment.scenario, columns)
         self.answer = segment.scenario.conclusion(columns)
         if segment.label == DISTURBED:  # a part of the energies may lie before
-            self.answer = "You have disturbed it: this result is none of a throw."
+            self.answer = "You have disturbed it: this is not the result of a throw."
 
     def _collect_next(self) -> None:
         loads = self.remaining_loads[1:]

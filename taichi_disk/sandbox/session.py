@@ -111,7 +111,7 @@ class Session:
 
     def hear(self, message: Message) -> None:
         """Keep a command, as `read_command` returns it, until the next picture."""
-        key: Any = object()
+        key: Any = object()  # replaces no other command
         if message["do"] in _REPLACED:
             key = message["do"], message.get("key")
         self._pending.pop(key, None)  # the latest stands at the end

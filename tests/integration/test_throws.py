@@ -237,7 +237,7 @@ def test_a_page_says_that_a_disk_is_too_large_for_it(tmp_path, monkeypatch, noti
     scene = load_scene("exponential_wall", [*SMALL, "wall.a=200", "video.seconds=1"])
     result = api.run(scene.with_({"video.goal": 0.9}), lattices=1)
     notices.clear()
-    for limit in ("_MOST_POINTS", "_MOST_WORK"):
+    for limit in ("MOST_POINTS", "_MOST_WORK"):
         assert packed(result.film(tmp_path / "film.html"))[0]["again"]
         assert not notices.messages
         with monkeypatch.context() as patch:

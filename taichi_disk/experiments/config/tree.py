@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import yaml
-from yaml import BaseLoader  # whose absence names a yaml.py of the user's
+from yaml import BaseLoader  # the error names the file if a yaml.py hides the package
 
 from taichi_disk.base.errors import (
     InputError,

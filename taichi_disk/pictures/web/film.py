@@ -49,7 +49,12 @@ from taichi_disk.pictures.web.drawing import (
     scene_message,
     source,
 )
-from taichi_disk.pictures.web.throws import TOO_LARGE, throwable, thrown_disk
+from taichi_disk.pictures.web.throws import (
+    MOST_POINTS,
+    TOO_LARGE,
+    throwable,
+    thrown_disk,
+)
 
 _LEVELS = 32_000  # levels of a displacement on either side of zero
 # codes of a colour for zero and for the largest value
@@ -91,8 +96,8 @@ def write_page(
     if video.goal != "none" and not again:
         NOTICES.warning(
             "video.goal: no task, because this page throws no disk: a page throws one"
-            " disk of at most 4,000 points at a rigid wall, without gravity, friction,"
-            " angle or spin"
+            f" disk of at most {MOST_POINTS:,} points at a rigid wall, without gravity,"
+            " friction, angle or spin"
         )
     packed = _packed(states, words, video, names, rate, again, progress)
     text = Template(source("film.html")).substitute(

@@ -18,7 +18,7 @@ from taichi_disk.pictures.web.drawing import Message, encoded
 
 # A page cannot throw a disk again that has more points, or whose own throw takes more
 # springs times steps: some 1.5 s.
-_MOST_POINTS = 4_000
+MOST_POINTS = 4_000
 _MOST_WORK = 1e8
 TOO_LARGE = (
     "This disk is too large for a page to throw: taichi-disk run computes other throws."
@@ -86,7 +86,7 @@ def thrown_disk(flight: Flight, video: VideoSection) -> Message | None:
     omega = float(np.sqrt(largest_eigenvalue(stiffness, masses)))
     damping = largest_eigenvalue(laplacian(lattice), masses)
     steps = run.end / explicit_limit(omega, eta * damping)
-    if len(masses) > _MOST_POINTS or steps * len(lattice.bonds) > _MOST_WORK:
+    if len(masses) > MOST_POINTS or steps * len(lattice.bonds) > _MOST_WORK:
         return None
     contact = run.contact
     looks = [LOOKS[column] for column in _COLUMNS]
