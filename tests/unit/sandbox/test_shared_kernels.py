@@ -19,26 +19,26 @@ SCENES = [
 
 def moved(sandbox, k):
     """Let a picture's time pass, and do what belongs to picture `k`."""
-    if k == 20:
+    if k == 10:
         sandbox.pull(0.3, 2.4)
-    elif k == 30:
+    elif k == 15:
         sandbox.pull(0.6, 2.6)
-    elif k == 40:
+    elif k == 20:
         sandbox.release()
-    elif k == 60:
+    elif k == 30:
         sandbox.set("material.eta_star", 2.0)
-    elif k == 80:
+    elif k == 40:
         sandbox.step(-4)
         sandbox.pause()
-    sandbox.advance(0.03, np.inf)
+    sandbox.advance(0.06, np.inf)
 
 
 def ends(kernels, scenes):
-    """Return what the sandboxes of `scenes` show after a hundred pictures each."""
+    """Return what the sandboxes of `scenes` show after fifty pictures each."""
     boxes = [Sandbox(load_scene(*one)) for one in scenes]
     for one in boxes:
         one.pause()
-    for k in range(100):
+    for k in range(50):
         for one in boxes:
             moved(one, k)
     return [one.time.display for one in boxes]
