@@ -357,7 +357,14 @@ def test_a_run_keeps_its_outline_and_repeats_it_in_a_folder_that_moved(tmp_path)
     scene = load_scene("exponential_wall", [f"lattice.outline={drawing}", *SMALL])
     first = run(scene, tmp_path / "first", video=False)
     assert len(first.summary["lattices"]["restitution"]["values"]) == 8
-    drawing.write_text("0,0\n1,0\n1,2\n0,2\n")
+    assert not first.summary["warnings"]
+
+    def edit(stage, done, total):
+        if stage == "lattices":
+            drawing.write_text("0,0\n1,0\n1,2\n0,2\n")
+
+    edited = run(scene, lattices=2, progress=edit)
+    assert "seed 1: the file of the outline was" in edited.summary["warnings"][0]
     with pytest.raises(InputError, match="outline has changed since the run"):
         first.save(tmp_path / "saved")
     other = run(scene, tmp_path / "first", count_on=True, **quick)

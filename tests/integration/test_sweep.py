@@ -290,6 +290,14 @@ def test_a_lattice_file_is_read_again_if_it_has_changed(tmp_path):
     assert second.summary["computed_now"] == 1
     assert second.rows[0]["restitution"] != first["restitution"]
 
+    def edit(stage, done, total):
+        np.savetxt(file, disk.positions, delimiter=",", fmt="%.17g")
+
+    scene["sweep"]["velocity"] = [0.05, 0.06]
+    with pytest.raises(InputError, match="changed during the sweep"):
+        swept(scene, tmp_path / "out", progress=edit)
+    assert len([*(tmp_path / "out/points").glob("*.json")]) == 2
+
 
 THROWN = {"scene": "exponential_wall", "material": {"eta_star": 5}}
 
