@@ -291,8 +291,7 @@ def test_on_paper_circles_are_round_and_forced_colours_leave_pictures(browser, f
     assert ground == "rgb(250, 250, 248)"
 
 
-# What is too small, or has no name. The marks on the time line are short cuts of the
-# slider below them.
+# What is too small, or has no name. Marks on the time line are only short cuts.
 FAULTS = """
 const all = [...document.querySelectorAll("body *")];
 const seen = all.filter((one) => one.offsetWidth);
@@ -395,8 +394,7 @@ def test_a_throw_is_its_address_which_is_written_when_it_is_made(browser, thrown
     assert browser.errors() == []
 
 
-# an address, the numbers that it throws (speed, viscosity, task in per cent), and words
-# about what is not read
+# an address, its speed, viscosity and task in per cent, words about what is not read
 OWN = ("0.05", "10", "")
 ADDRESSES = [
     ("#v=0,04", ("0.04", "10", ""), ""),
