@@ -124,7 +124,7 @@ class Work:
         count, notes = lattice_count(outcome, lattices)
         if count > 1:
             summary["lattices"] = compare_lattices(
-                outcome, count, self.progress, options["force"]
+                outcome, count, self.progress, options["force"], self.digest
             )
             self.lap("lattices")
         lattice = scenario.lattice

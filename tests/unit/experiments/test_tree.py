@@ -216,6 +216,7 @@ def test_the_last_override_of_a_key_wins():
     changes = ["lattice.points=20", "lattice.points=30", "impact.velocity = 1e-2"]
     scene = load_scene(text, [*changes, "time.dt=auto"])
     assert (scene.lattice.points, scene.lattice.seed) == (30, 5)
+    assert load_scene(text, changes[1]) == load_scene(text, changes[:2])
     other = load_scene(text, ["scene=compression", "lattice.points=3"])
     assert other == load_scene("scene: compression\nlattice: {points: 3, seed: 5}\n")
     assert other == load_scene(text, ["scene=compression", "lattice={points: 3}"])
