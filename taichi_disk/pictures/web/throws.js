@@ -29,6 +29,7 @@ function readAddress(address) {
   const link = address.replace(/^[^#]*?%23([^&=]*)(&.*)?$/s, "#$1").replace("%23", "#");
   const end = link.slice(link.indexOf("#") + 1).replace(/[>)\]"'”»]+\s*$/, "");
   const unread = end.length > LONGEST ? [`what follows ${LONGEST} letters`] : [];
+  if (end.trim().endsWith("&")) unread.push("what followed the last &");
   // URLSearchParams decodes, without an error for what is no code.
   const text = end.slice(0, LONGEST).replace(/[&+]/g, encodeURIComponent);
   const parts = new URLSearchParams(`all=${text}`).get("all").split(BETWEEN);
