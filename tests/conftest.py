@@ -24,7 +24,6 @@ SANDBOX = {
     "test_pages",
     "test_sandbox",
     "test_session",
-    "test_shared_kernels",
 }
 
 

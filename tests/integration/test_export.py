@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from bodies import computed, non_uniform
+from bodies import non_uniform
 
 from taichi_disk import load_scene
 from taichi_disk.base.errors import InputError, SimulationError
@@ -220,7 +220,7 @@ def test_what_cannot_be_exported_is_refused_before_a_run(tmp_path, monkeypatch):
     for name, format, message in (
         ("a.lammps", None, r"formats are xyz \(\.xyz\), vtu"),
         ("a.xyz", "vtu", r"a\.xyz as vtu: the formats are"),
-        ("mine.pvd", None, "is not a folder with only numbered pictures"),
+        ("mine.pvd", None, "is not a writable folder with only numbered pictures"),
         ("lattice.npz", None, "final.npz are taken by runs"),
         ("final.npz", "npz", "final.npz are taken by runs"),
     ):
@@ -252,21 +252,3 @@ def test_an_export_replaces_an_earlier_one_and_leaves_nothing_half(tmp_path, for
     with pytest.raises(SimulationError, match="sun"):
         export_run(SCENARIO, broken(), tmp_path, format)
     assert contents() == content
-
-
-@pytest.mark.validate
-def test_the_energies_of_a_real_run_are_those_of_its_time_series(kernels, tmp_path):
-    walled = ("wall.points=80", "wall.width=3.2", "wall.threshold=0.2")
-    changes = ("lattice.points=60", *walled, "wall.boundary=dashpot")
-    scenario, outcome = computed(kernels, "absorbing_wall", *changes, estimate=False)
-    rows = np.linspace(0, len(outcome.series["t"]) - 1, 7).astype(int)
-    series = {name: values[rows] for name, values in outcome.series.items()}
-    file = np.load(export_run(scenario, outcome.replay(series["t"]), tmp_path, "npz"))
-    np.testing.assert_allclose(file["t"], series["t"], rtol=1e-12)
-    for name in ("kinetic", "elastic", "wall"):
-        energies = file[f"{name}_energy"]
-        tiny = 1e-12 * series["total"].max()
-        np.testing.assert_allclose(energies, series[name], rtol=1e-6, atol=tiny)
-    upward = file["points_contact_force"][:, :, 1].sum(axis=1)
-    assert upward.max() > 1e-3
-    np.testing.assert_allclose(upward, series["wall_force"], rtol=1e-6, atol=1e-12)

@@ -5,7 +5,6 @@ import os
 import re
 import resource
 import shutil
-import signal
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -471,37 +470,6 @@ def test_curves_are_begun_before_what_they_need_last(run, tmp_path, monkeypatch)
     monkeypatch.setattr(finisher, "draw_curves", lambda _, *what: events.append(what))
     film(tmp_path / "film.mp4", [run], size=360, seconds=0.2, panel="true")
     assert events[-1][0] is drawn
-
-
-@needs_vulkan
-def test_a_killed_process_costs_the_film_and_nothing_else(tmp_path):
-    def children():
-        tasks = Path("/proc/self/task").iterdir()
-        found = {
-            number
-            for task in tasks
-            for number in (task / "children").read_text().split()
-        }
-        return found - before
-
-    def killer(stage, done, total):
-        if (stage, done) == ("render", 5):
-            for number in children():
-                os.kill(int(number), signal.SIGKILL)
-
-    before = set()
-    before = children()
-    scene = load_scene("exponential_wall", ["lattice.points=20", "video.size=64"])
-    result = api.run(scene, tmp_path / "o", video=True, lattices=1, progress=killer)
-    assert result.summary["status"] == "done"
-    error = result.summary["video_error"]
-    assert error.startswith("the process that encodes the film was ended")
-    assert "(SIGKILL)" in error
-    assert not children()
-    assert [path.name for path in tmp_path.iterdir()] == ["o"]
-    names = {path.name for path in (tmp_path / "o").iterdir()}
-    assert "plot.png" in names
-    assert not [name for name in names if "video" in name]
 
 
 @needs_vulkan

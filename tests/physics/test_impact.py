@@ -11,7 +11,6 @@ from numpy.testing import assert_array_equal
 from taichi_disk.experiments.computation.outcome import compute
 from taichi_disk.experiments.scenes import load_scene
 from taichi_disk.mechanics.integrators import INTEGRATORS
-from taichi_disk.mechanics.lattice import OwnStart
 
 LONG = pytest.mark.validate
 # a corner of it hits again
@@ -114,16 +113,6 @@ def test_an_automatic_step_resolves_the_vibrations_excited_by_resets_with_dashpo
     assert_within(abs(found - e), outcome)
 
 
-def test_custom_velocities_give_the_run_of_a_scene_with_their_speed(kernels):
-    fast = load_scene("exponential_wall", ["lattice.points=40", "impact.velocity=0.5"])
-    scene = fast.scenario()
-    start = OwnStart(None, scene.velocities.copy())
-    own = fast.with_(velocity=0.01).scenario(own=start)
-    columns = [compute(case, estimate=False).series for case in (own, scene)]
-    assert own.result(columns[0]) == scene.result(columns[1])
-    assert_array_equal(columns[0]["wall_force"], columns[1]["wall_force"])
-
-
 HARD = ("impact.velocity=3e-3", "wall.a=3000", "wall.V0=7")
 FAST = ("material.eta_star=0", "impact.velocity=0.05")
 
@@ -181,17 +170,10 @@ def test_the_time_limit_allows_ten_contacts_with_a_soft_wall():
     assert scenario.max_time == pytest.approx(ten_contacts + flight, rel=1e-12)
 
 
-def test_the_film_shows_the_whole_wall_and_the_path_of_the_disk():
-    for width, half in (3.0, 1.5), (1.0, 1.1):  # at least as wide as the disk
-        keys = {"wall.width": width, "wall.points": 80, "lattice.points": 60}
-        scenario = load_scene("absorbing_wall").with_(keys).scenario()
-        bottom = scenario.lattice.positions[:, 1].min()
-        edges = (-half - 0.05, half + 0.05, bottom - 0.05, 2.0 + scenario.gap)
-        assert scenario.view == pytest.approx(edges)
-    oblique = {"lattice.points": 60, "impact.angle": -0.5}
-    scenario = load_scene("exponential_wall").with_(oblique).scenario()
-    along = 3.0 * scenario.gap * np.tan(-0.5)
-    assert scenario.view == pytest.approx((along - 1.1, 1.1, -0.1, 2.0 + scenario.gap))
+def test_the_film_of_a_narrow_wall_shows_the_whole_disk():
+    keys = {"wall.width": 1.0, "wall.points": 80, "lattice.points": 60}
+    view = load_scene("absorbing_wall").with_(keys).scenario().view
+    assert view[:2] == pytest.approx((-1.15, 1.15))
 
 
 def time_to_end(scenario, **values):

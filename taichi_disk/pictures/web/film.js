@@ -324,6 +324,7 @@ async function play() {
 
   // Show the states of `recordings`, one in each pane, with dotted curves of a throw before.
   function take(recordings, earlier) {
+    const automatic = panes[0].recording?.magnify ?? settings.magnify;
     panes.forEach((pane, k) => {
       const recording = recordings[k];
       const words = recording.title ?? pane.run.scene.title;
@@ -332,7 +333,7 @@ async function play() {
       pane.recording = recording;
       pane.drawing.scene.wall.edge = recording.edge;
     });
-    settings.magnify = recordings[0].magnify;
+    if (settings.magnify === automatic) settings.magnify = recordings[0].magnify;
     curves = new Curves(ui.curves, ui.names, head, recordings[0], earlier);
   }
 

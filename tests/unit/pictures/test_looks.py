@@ -484,7 +484,6 @@ V = np.geomspace(3e-3, 5e-2, 9)
 THROWS = ["eta_star", "seed", "velocity"]
 SWEEPS = {  # scene, axes, values of eta*, number of lattices
     "restitution": ("exponential_wall", THROWS, (0.0, 5.0, 30.0), 6),
-    "elastic_wall": ("absorbing_wall", THROWS, (2.0, 5.0), 3),
     "compression": ("compression", ["seed", "pressure"], (0.0,), 2),
     "over_points": ("exponential_wall", ["points"], (0.0,), 1),
 }

@@ -398,6 +398,20 @@ def test_what_the_mouse_pulled_is_not_made_again_and_its_energy_no_imbalance(ker
         assert sandbox.grip < 0
 
 
+def test_a_pulled_disk_moves_beside_another_as_it_does_alone(kernels):
+    def pulled(*sandboxes):
+        for k, one in enumerate(sandboxes):
+            one.pause()
+            one.pull(0.3, 2.4 + k)
+        for _ in range(20):
+            for one in sandboxes:
+                one.advance(0.03, np.inf)
+        return sandboxes[0].time.display.x
+
+    alone = pulled(opened(kernels))
+    assert np.array_equal(pulled(opened(kernels), opened(kernels)), alone)
+
+
 def test_a_blow_up_is_told_and_any_change_gives_time_back(kernels):
     # A step set by the user that is stable until the wall pushes harder than estimated.
     hard = ["material.eta_star=0", "impact.velocity=0.1", "wall.a=3000"]

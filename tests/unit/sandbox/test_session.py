@@ -166,22 +166,6 @@ console.log(JSON.stringify(state, plain));"""
     assert len(graphs["values"]) == len(CURVES) and graphs["t"][0] == 0.0
 
 
-@pytest.mark.validate
-def test_the_panel_shows_all_warnings_of_a_run_and_whether_the_user_interfered(session):
-    # 120 points with the paper's eta*
-    assert any("per point" in one for one in panel(session)["warnings"])
-    assert panel(session)["status"] == "same as taichi-disk run"
-    say(session, "press", key="space")
-    until(session, lambda: not session.sandbox.at_start)
-    say(session, "set", key="material.eta_star", value=3.0)
-    assert panel(session)["status"] == "disturbed"
-    options = {one["key"]: one["options"] for one in panel(session)["choices"]}
-    assert options["material.dashpot"] == ["vector", "axial"]
-    say(session, "set", key="material.dashpot", value="axial")
-    assert session.sandbox.time.segment.scenario.model.springs.axial
-    assert panel(session)["status"].startswith("same")
-
-
 def test_of_throws_that_make_a_curve_fewer_states_are_kept(session):
     spacing = session.sandbox.time.spacing
     say(session, "collect")
