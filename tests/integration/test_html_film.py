@@ -411,6 +411,7 @@ def test_a_throw_is_its_address_which_is_written_when_it_is_made(browser, thrown
 # an address, the numbers that it throws (speed, viscosity, task in per cent), and words
 # about what is not read
 OWN = ("0.05", "10", "")
+SAID = "return told.textContent + unread.textContent"
 ADDRESSES = [
     ("#v=0,04", ("0.04", "10", ""), ""),
     ("#v=0.1;eta=1/2", ("0.1", "0.5", ""), ""),
@@ -460,7 +461,7 @@ def test_an_address_is_read_as_people_write_it_or_named(browser, thrown):
     for address, numbers, words in ADDRESSES:
         browser.script("location.hash = arguments[0]", address)
         browser.wait(lambda one=numbers: numbers_in(browser) == one)
-        told = browser.text("told") + browser.text("unread")
+        told = browser.script(SAID)
         assert words in told, address
         assert bool(words) == bool(told), address
         speed, viscosity, _ = numbers
@@ -476,9 +477,8 @@ def test_hostile_addresses_throw_the_own_disk_or_what_is_read(browsers, kind, th
     browser.driver.get(thrown.as_uri())
     for address in HOSTILE:
         browser.script("location.hash = arguments[0]", address)
-        told = "return told.textContent + unread.textContent"
-        browser.wait(lambda: browser.script(told), seconds=5.0)
-        assert len(browser.script(told)) < 500
+        browser.wait(lambda: browser.script(SAID), seconds=5.0)
+        assert len(browser.script(SAID)) < 500
         speed, viscosity, task = numbers_in(browser)
         assert speed in ("0.05", "0.02", "0.001", "0.1")
         assert (viscosity, task) in (("10", ""), ("0", ""))
