@@ -206,7 +206,7 @@ def test_the_disk_of_a_runs_lattice_is_read_from_npz(tmp_path):
     with pytest.raises(InputError, match="x is no array of a lattice"):
         Lattice.read(tmp_path / "a.npz")
     np.savez(tmp_path / "final.npz", positions=ROUND, velocities=ROUND, t=1.0)
-    with pytest.raises(InputError, match=r"a state of a run, whose lattice is in latt"):
+    with pytest.raises(InputError, match=r"whose lattice is in lattice.npz; a run"):
         Lattice.read(tmp_path / "final.npz")
 
 
