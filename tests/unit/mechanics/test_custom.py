@@ -214,7 +214,7 @@ def test_the_disk_of_a_runs_lattice_is_read_from_npz(tmp_path):
     ("name", "content", "message"),
     [
         ("none.csv", None, "No such file"),
-        ("a.yaml", b"0,0", "meshio cannot read this file"),
+        ("a.svg", b"<svg/>", "name a drawing (.svg) as lattice.outline, or give"),
         ("a.csv", b"x,y\n0,0\n1,2,3\n", "line 3 has 3 columns"),
         ("a.csv", b"0,0\n\xfc", ":2: not UTF-8 text (byte 0xfc): save it as UTF-8"),
         ("a.npz", b"PK", "not a zip file"),
