@@ -8,12 +8,14 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
 
+import jedi
 import numpy as np
 import pytest
 from programs import contents, printed_by, python, summary_in
 
 import taichi_disk
 from taichi_disk import (
+    InputError,
     Lattice,
     Result,
     load_scene,
@@ -22,7 +24,6 @@ from taichi_disk import (
     run,
     run_sweep,
 )
-from taichi_disk.base.errors import InputError
 from taichi_disk.base.machine import cores
 from taichi_disk.experiments.computation.diagnostics import BlowUp
 from taichi_disk.mechanics.lattice import OwnStart
@@ -48,6 +49,11 @@ def test_everything_in_all_is_there():
     assert sorted(taichi_disk.__all__) == dir(taichi_disk)
     assert "Simulation" in dir(mechanics)
     assert all(getattr(mechanics, name) for name in dir(mechanics))
+
+
+def test_names_are_completed_before_anything_is_imported():
+    program = jedi.Script("from taichi_disk import run\nrun('compression').")
+    assert "standard_error" in {one.name for one in program.complete()}
 
 
 def test_states_are_those_of_the_time_series(result):
@@ -276,8 +282,7 @@ def test_threads_may_be_the_first_that_compute_in_a_process():
 
 
 ONE_NUMBER = """
-from taichi_disk import load_scene, run
-from taichi_disk.base.errors import InputError
+from taichi_disk import InputError, load_scene, run
 scene = load_scene("exponential_wall").with_(points=20)
 try:
     first = run(scene, threads=-1, lattices=1)

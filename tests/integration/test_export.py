@@ -218,7 +218,7 @@ def test_what_cannot_be_exported_is_refused_before_a_run(tmp_path, monkeypatch):
     for name, format, message in (
         ("a.lammps", None, r"formats are xyz \(\.xyz\), vtu"),
         ("a.xyz", "vtu", r"a\.xyz as vtu: the formats are"),
-        ("mine.pvd", None, "is not a folder with only numbered pictures"),
+        ("mine.pvd", None, "is not a writable folder with only numbered pictures"),
         ("lattice.npz", None, "final.npz are taken by runs"),
         ("final.npz", "npz", "final.npz are taken by runs"),
     ):

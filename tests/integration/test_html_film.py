@@ -387,15 +387,18 @@ def test_a_throw_is_its_address_which_is_written_when_it_is_made(browser, thrown
     name = browser.script("return document.querySelector('canvas').ariaLabel")
     assert "η* = 40" in name and "η* = 40" in title_of(browser)
     browser.script(CHOOSE, "v", np.log(0.02))
+    browser.script(CHOOSE, "magnify", np.log(10.0))
     assert browser.script(HERE) == "#v=0.1&eta=40&goal=0.9"
     browser.click("throw")
     browser.wait(lambda: browser.script(HERE) == "#v=0.02&eta=40&goal=0.9")
     assert browser.text("verdict") == ""
+    assert "displacements × 10" in browser.script("return document.body.textContent")
     assert browser.errors() == []
 
 
 # an address, its speed, viscosity and task in per cent, words about what is not read
 OWN = ("0.05", "10", "")
+SAID = "return told.textContent + unread.textContent"
 ADDRESSES = [
     ("#v=0,04", ("0.04", "10", ""), ""),
     ("#v=0.1;eta=1/2", ("0.1", "0.5", ""), ""),
@@ -406,6 +409,7 @@ ADDRESSES = [
     ("#v=0.5&eta=3", ("0.1", "3", ""), "0.5 is beyond the slider: 0.1."),
     ("#speed=0.02&eta=3", ("0.05", "3", ""), "Not read: speed; write v, eta, goal."),
     ("#goal=85", OWN, "85 is no goal: write 0.85, or 85 %."),
+    ("#v=0.03&", ("0.03", "10", ""), "Not read: what followed the last &; write"),
     ("#v=1,500&eta=3", ("0.05", "3", ""), "v: “1,500” is not read as a number"),
 ]
 HOSTILE = [
@@ -415,7 +419,6 @@ HOSTILE = [
     "#v=NaN&eta=Infinity&goal=-0",
     "#v=0x10&eta=0b1&goal=__proto__",
     "#__proto__=1&constructor=2&toString=3",
-    "#v[]=1&v.length=9&hasOwnProperty=1",
     f"#v={'9' * 100_000}",
     f"#{' ' * 100_000}v=0.02",
     f"#{'&' * 100_000}",
@@ -424,11 +427,9 @@ HOSTILE = [
     "#%E0%A4%A&v=%ff",
     "#v=1/0&eta=0/0",
     "#=&=&=0.02&&;;",
-    "#javascript:alert(1)",
     "#v=0.02#v=0.03",
     "#v=\u202e0.02&eta=\u0000",
     "#goal=-1&v=-0.05&eta=-5",
-    "#v=../../etc/passwd&eta=';DROP TABLE--",
 ]
 
 
@@ -447,8 +448,9 @@ def test_an_address_is_read_as_people_write_it_or_named(browser, thrown):
     for address, numbers, words in ADDRESSES:
         browser.script("location.hash = arguments[0]", address)
         browser.wait(lambda one=numbers: numbers_in(browser) == one)
-        assert words in browser.text("told"), address
-        assert bool(words) == bool(browser.text("told")), address
+        told = browser.script(SAID)
+        assert words in told, address
+        assert bool(words) == bool(told), address
         speed, viscosity, _ = numbers
         browser.wait(lambda v=speed: f"v = {v} c" in title_of(browser))
         assert f"η* = {viscosity}" in title_of(browser)
@@ -462,8 +464,8 @@ def test_hostile_addresses_throw_the_own_disk_or_what_is_read(browsers, kind, th
     browser.driver.get(thrown.as_uri())
     for address in HOSTILE:
         browser.script("location.hash = arguments[0]", address)
-        browser.wait(lambda: browser.text("told"), seconds=5.0)
-        assert len(browser.text("told")) < 500
+        browser.wait(lambda: browser.script(SAID), seconds=5.0)
+        assert len(browser.script(SAID)) < 500
         speed, viscosity, task = numbers_in(browser)
         assert speed in ("0.05", "0.02", "0.001", "0.1")
         assert (viscosity, task) in (("10", ""), ("0", ""))
@@ -491,11 +493,12 @@ def test_the_task_is_in_the_file_and_a_button_clears_it(browser, tmp_path):
     browser.script("location.hash = '#goal=none'")
     browser.wait(lambda: numbers_in(browser)[2] == "")
     browser.click("task")
-    assert numbers_in(browser)[2] == "80"
-    browser.script(CHOOSE, "share", "9O")
-    told = "“9O” is no goal: write a number from 1 to 100."
-    assert browser.text("told") == told
-    assert numbers_in(browser)[2] == "80"
+    assert browser.script(HERE) == "#v=0.05&eta=10&goal=0.01"
+    for text in ("9O", "0.9", "0"):
+        browser.script(CHOOSE, "share", text)
+        told = f"“{text}” is no goal: write a number from 1 to 100."
+        assert browser.text("unread") == told
+        assert numbers_in(browser)[2] == "1"
     browser.wait(lambda: "v = 0.05 c" in title_of(browser))
     browser.script(MOVE, 20)
     result = browser.script(
@@ -508,11 +511,11 @@ def test_the_task_is_in_the_file_and_a_button_clears_it(browser, tmp_path):
     assert "too small: less viscosity" in browser.text("verdict")
     browser.script(CHOOSE, "share", "75 %")
     assert browser.text("task") == "Clear task"
-    for numbers in ("", "75"):  # the last task comes back, not the file's
-        browser.click("task")
-        assert numbers_in(browser)[2] == numbers
-    browser.click("throw")
-    browser.wait(lambda: browser.script(HERE) == "#v=0.05&eta=10&goal=0.75")
+    browser.click("task")
+    browser.script("location.hash = '#goal=none'")
+    browser.wait(lambda: not browser.script("return document.querySelector('.busy')"))
+    browser.click("task")  # the last task comes back, not the file's
+    assert browser.script(HERE) == "#v=0.05&eta=10&goal=0.75"
 
 
 def test_a_long_throw_is_stopped_or_replaced_and_the_old_one_shown(browser, tmp_path):
@@ -544,18 +547,37 @@ def test_a_long_throw_is_stopped_or_replaced_and_the_old_one_shown(browser, tmp_
     browser.click("throw")
     assert browser.text("told") == ""
     browser.wait(lambda: browser.script(is_busy))
-    browser.type("v", "0.1")
+    browser.type("v", "0.5")
     browser.click("throw")  # a new throw ends the old one
     browser.wait(lambda: "v = 0.1 c" in title_of(browser))
+    assert browser.text("unread") == "0.5 is beyond the slider: 0.1."
     browser.wait(lambda: not browser.script(is_busy))
     assert browser.script(HERE) == "#v=0.1&eta=100"
     assert browser.errors() == []
+
+
+# Firefox drops the message of a page that is left, and then comes back
+BACK = """
+MessagePort.prototype.postMessage = () => {};
+setInterval(() => dispatchEvent(new Event("pageshow")), 20);
+location.hash = "#v=0.02&eta=41";"""
 
 
 def test_a_throw_needs_no_timer_which_is_held_back_in_a_hidden_page(browser, thrown):
     throw_at(browser, thrown)
     browser.script("window.setTimeout = () => {}; location.hash = '#v=0.02&eta=40'")
     browser.wait(lambda: "η* = 40" in title_of(browser))
+    browser.script(BACK)
+    browser.wait(lambda: "η* = 41" in title_of(browser))
+
+
+def test_a_page_that_a_browser_has_saved_throws(browser, thrown, tmp_path):
+    throw_at(browser, thrown, "#v=0.1")
+    page = browser.script("return document.documentElement.outerHTML")
+    saved = tmp_path / "saved.html"
+    saved.write_text(f"<!doctype html>{page}", encoding="utf-8")
+    throw_at(browser, saved)
+    browser.wait(lambda: numbers_in(browser) == OWN and "0.05" in title_of(browser))
 
 
 PASTE = """
@@ -573,7 +595,8 @@ def test_a_table_takes_the_addresses_of_others_and_survives_a_reload(browser, th
     lines = [
         "[Play](<https://x.org/a.html#v=0.1&eta=10&goal=0.9>)",
         "https://x.org/?url=https%3A%2F%2Fx.org%2Fa.html%23v%3D0.03%26eta%3D10&data=5",
-        "https://x.org/a.html%23v=0.05&eta=20",
+        "https://x.org/a.html%23v=0.05&",  # broken by a mail
+        "eta=20",
         " v=0,02 eta=10",
         "v=3&eta=x",
         "v=0.5&eta=1",
@@ -642,11 +665,12 @@ def test_a_copied_table_has_the_decimal_sign_of_the_browsers_language(browser, t
     assert re.search(r"\ne\t0,\d+\t0,1\t15\n", browser.script("return window.copied"))
 
 
-def test_a_finger_on_the_film_scrolls_its_page(browser, thrown):
+def test_a_finger_on_the_film_scrolls_its_page_to_the_end(browser, thrown):
     browser.resize((640, 360))
     throw_at(browser, thrown)
     browser.drag((320, 160), (320, 40), touch=True)
     assert browser.script("return document.querySelector('main').scrollTop") > 50
+    assert browser.script("return document.querySelector('aside').clientHeight") > 88
 
 
 FRAMES = [

@@ -196,9 +196,9 @@ def test_a_picture_that_fails_takes_no_result_with_it(tmp_path, monkeypatch, not
     summary = result.summary
     assert summary == summary_in(tmp_path / "o")
     assert summary["status"] == "done"
-    assert summary["video_error"] == "latex could not be found"
-    assert summary["warnings"] == ["there is no plot.png: latex could not be found"]
-    assert {*summary["warnings"], summary["video_error"]} <= set(notices.messages)
+    for stage, key in {"film": "video_error", "plot": "plot_error"}.items():
+        assert summary[key] == "latex could not be found"
+        assert f"no {stage}: {summary[key]}" in notices.messages
 
 
 KILLED = """

@@ -67,7 +67,9 @@ def read_outline(path: Path) -> list[Array]:
         is_path = isinstance(shape, svgelements.Shape)
         if not is_path or shape.values.get("visibility") == "hidden":
             continue
-        for part in abs(svgelements.Path(shape) * ~scale).as_subpaths():
+        outline = abs(svgelements.Path(shape) * ~scale)
+        outline.approximate_arcs_with_cubics()  # an arc may be long: of 36° at most
+        for part in outline.as_subpaths():
             sides = [side.npoint(_CURVE) for side in part][1:]
             if sides:
                 paths.append(np.concatenate(sides) * [1.0, -1.0])

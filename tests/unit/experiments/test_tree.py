@@ -7,6 +7,7 @@ import pytest
 from hypothesis import example, given, settings, strategies as st
 
 from taichi_disk.base.errors import InputError, printable
+from taichi_disk.experiments.config import tree
 from taichi_disk.experiments.scenes import SCENES, load_any, load_scene
 
 IMPACT = "scene: exponential_wall\n"
@@ -221,13 +222,16 @@ def test_the_last_override_of_a_key_wins():
     assert other == load_scene(text, ["scene=compression", "lattice={points: 3}"])
 
 
-def test_a_missing_file_is_answered_with_the_nearest_name(tmp_path):
+def test_a_missing_file_is_answered_with_the_nearest_name(tmp_path, monkeypatch):
     shipped = "The shipped scenes are absorbing_wall, bouncing_disk, .*, ringing_disk$"
     with pytest.raises(InputError, match=rf"^nonsense: no such file\. {shipped}"):
         load_scene("nonsense")
     near = rf"no such file; did you mean exponential_wall\? {shipped}"
     with pytest.raises(InputError, match=near):
         load_scene(tmp_path / "scenes" / "exponental_wall.yaml")
+    monkeypatch.setattr(tree, "__file__", "/no.zip/taichi_disk/experiments/config/a")
+    with pytest.raises(InputError, match="missing, as in a zip file"):
+        load_scene("exponential_wall")
 
 
 def test_a_path_that_cannot_be_read_is_refused(tmp_path):

@@ -205,7 +205,7 @@ def test_the_disk_of_a_runs_lattice_is_read_from_npz(tmp_path):
     with pytest.raises(InputError, match="x is no array of a lattice"):
         Lattice.read(tmp_path / "a.npz")
     np.savez(tmp_path / "final.npz", positions=ROUND, velocities=ROUND, t=1.0)
-    with pytest.raises(InputError, match=r"a state of a run, whose lattice is in latt"):
+    with pytest.raises(InputError, match=r"whose lattice is in lattice.npz; a run"):
         Lattice.read(tmp_path / "final.npz")
 
 
@@ -213,7 +213,7 @@ def test_the_disk_of_a_runs_lattice_is_read_from_npz(tmp_path):
     ("name", "content", "message"),
     [
         ("none.csv", None, "No such file"),
-        ("a.yaml", b"0,0", "meshio cannot read this file"),
+        ("a.svg", b"<svg/>", "name a drawing (.svg) as lattice.outline, or give"),
         ("a.csv", b"x,y\n0,0\n1,2,3\n", "line 3 has 3 columns"),
         ("a.csv", b"0,0\n\xfc", ":2: not UTF-8 text (byte 0xfc): save it as UTF-8"),
         ("a.npz", b"PK", "not a zip file"),

@@ -110,6 +110,8 @@ def test_a_drawing_gives_the_body_of_its_points(tmp_path):
     assert gaps.max() < 1e-9
     path.write_text(svg('<circle r="4"/><circle r="2"/>'))
     assert not Lattice.outline(path, 300).whole
+    path.write_text(svg('<path d="M40 0A40 40 0 1 1 40-.01Z"/>'))  # one long arc
+    assert Lattice.outline(path, 300).notes == ("1 R = 40 units of the outline",)
 
 
 FAULTS = {
