@@ -61,8 +61,7 @@ def test_round_hexagonal_lattice_has_no_spring_beyond_second_neighbours(digits):
     lattice = Lattice.from_points(ROUND.round(digits))
     assert_tiles(lattice.positions, lattice.triangles, lattice.disk_surface)
     assert lattice.rest_lengths.max() < 1.75 / 8
-    # All first neighbours are joined: sliver removal takes no part of the lattice
-    # itself.
+    # All first neighbours are joined: no part of the lattice itself is a sliver.
     neighbours = cKDTree(ROUND).query_pairs(1.01 / 8)
     assert (lattice.rest_lengths < 1.01 / 8).sum() == len(neighbours)
 
@@ -284,8 +283,7 @@ def test_a_lattice_gets_the_form_that_kernels_need():
 
 
 def test_a_wide_hole_stays_open_and_a_notch_is_what_the_springs_leave():
-    # All springs of the ring join first neighbours, 1/8 R, except for second neighbours
-    # along its edges.
+    # Springs join first neighbours, 1/8 R, and second ones along the edges.
     ring = Lattice.from_points(RING)
     assert len(holes_of(ring)) == 1
     assert holes_of(ring)[0] == pytest.approx(np.pi * 0.6**2, rel=0.15)
