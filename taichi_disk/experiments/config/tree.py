@@ -340,7 +340,8 @@ def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
         known = shipped_scenes()
         hint = did_you_mean(path.stem, known) or "."
         raise InputError(
-            f"{label}: no such file{hint} The shipped scenes are {', '.join(known)}"
+            f"{label}: no such file{hint} The shipped scenes are"
+            f" {', '.join(known) or 'missing, as in a zip file: install the program'}"
         ) from None
     except (OSError, ValueError) as error:
         raise InputError(f"{label}: cannot be read: {reason(error)}") from None

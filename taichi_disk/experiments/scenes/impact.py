@@ -88,7 +88,7 @@ MEASURED = {
     **dict.fromkeys(LATER, "as restitution, of a later bounce"),
     "contact_time": (
         f"first to last time that the wall's force is {CONTACT_LEVEL:g} of its peak"
-        " [R/c]"
+        " [R/c]; of several bounces that of the first"
     ),
     **oblique.MEASURED,
     "vibration_left": (
@@ -171,7 +171,8 @@ class ImpactScene(DiskScene):
         if self.impact.gravity and (self.is_oblique or not shape.is_round):
             raise InputError(
                 "impact.gravity: only round bodies bounce, thrown straight down without"
-                " spin at a wall without friction: write gravity: 0, or change the rest"
+                " spin at a wall without friction: write gravity: 0, bounces: 1 and"
+                " drop: 0, or change the rest"
             )
         gap, lattice = self._placed(body, shape)
         model = self.model_of(lattice, springs)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import example, given, settings, strategies as st
 
 from taichi_disk.base.errors import InputError, printable
+from taichi_disk.experiments.config import tree
 from taichi_disk.experiments.scenes import SCENES, load_any, load_scene
 
 IMPACT = "scene: exponential_wall\n"
@@ -215,18 +216,22 @@ def test_the_last_override_of_a_key_wins():
     changes = ["lattice.points=20", "lattice.points=30", "impact.velocity = 1e-2"]
     scene = load_scene(text, [*changes, "time.dt=auto"])
     assert (scene.lattice.points, scene.lattice.seed) == (30, 5)
+    assert load_scene(text, changes[1]) == load_scene(text, changes[:2])
     other = load_scene(text, ["scene=compression", "lattice.points=3"])
     assert other == load_scene("scene: compression\nlattice: {points: 3, seed: 5}\n")
     assert other == load_scene(text, ["scene=compression", "lattice={points: 3}"])
 
 
-def test_a_missing_file_is_answered_with_the_nearest_name(tmp_path):
+def test_a_missing_file_is_answered_with_the_nearest_name(tmp_path, monkeypatch):
     shipped = "The shipped scenes are absorbing_wall, bouncing_disk, .*, ringing_disk$"
     with pytest.raises(InputError, match=rf"^nonsense: no such file\. {shipped}"):
         load_scene("nonsense")
     near = rf"no such file; did you mean exponential_wall\? {shipped}"
     with pytest.raises(InputError, match=near):
         load_scene(tmp_path / "scenes" / "exponental_wall.yaml")
+    monkeypatch.setattr(tree, "__file__", "/no.zip/taichi_disk/experiments/config/a")
+    with pytest.raises(InputError, match="missing, as in a zip file"):
+        load_scene("exponential_wall")
 
 
 def test_a_path_that_cannot_be_read_is_refused(tmp_path):
@@ -250,8 +255,7 @@ def test_a_file_in_the_way_has_precedence_over_a_shipped_scene(tmp_path, monkeyp
     assert load_scene("exponential_wall").lattice.points == 7
 
 
-# Whatever is given, a scene is returned or InputError raised, whose text can be
-# printed.
+# Whatever is given makes a scene, or an InputError whose text can be printed.
 
 WORDS = """\
 scene lattice material wall impact compression time video sweep points seed rim file

@@ -108,11 +108,13 @@ def test_a_drawing_gives_the_body_of_its_points(tmp_path):
     corner = ELL / unit - np.array(shapely.Polygon(ELL).centroid.coords) / unit
     gaps = np.abs(drawn.positions[:, None] - corner).sum(axis=2).min(axis=0)
     assert gaps.max() < 1e-9
-    path.write_text(svg('<path d="M4 0A4 4 0 1 1 4 -.01z"/><circle r="2"/>'))
-    ring = Lattice.outline(path, 300)
-    assert not ring.whole
-    radii = np.linalg.norm(ring.positions[ring.disk_surface], axis=1)
-    assert np.ptp(radii) < 2e-3  # one arc is round, too
+    path.write_text(svg('<circle r="4"/><circle r="2"/>'))
+    assert not Lattice.outline(path, 300).whole
+    path.write_text(svg('<path d="M40 0A40 40 0 1 1 40-.01Z"/>'))  # one long arc
+    assert Lattice.outline(path, 300).notes == ("1 R = 40 units of the outline",)
+    path.write_text(svg('<path d="M0 0C200 150-200 150 0 0"/>'))  # one curve
+    unit = float(Lattice.outline(path, 300).notes[0].split()[3])
+    assert math.pi * unit**2 == pytest.approx(0.15 * 200 * 2 * 150, rel=2e-3)
 
 
 FAULTS = {
