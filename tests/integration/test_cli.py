@@ -230,8 +230,7 @@ def test_the_bare_command_version_and_help_exit_0(capsys):
 
 
 def test_check_and_help_load_nothing_that_is_slow():
-    # Imports determine the start-up time; a test with a clock would fail on a busy
-    # machine.
+    # Imports determine the start-up time; a clock would fail on a busy machine.
     code = """
 import sys
 import taichi_disk.base.runtime  # as the entry point does

@@ -18,8 +18,7 @@ from taichi_disk.runs.output.export import check_export, export_run
 
 TIMES = np.array([0.0, 0.5, 1.0])
 SINGLE = {"rtol": 1e-6, "atol": 1e-7}
-# A small disk of non-uniform points and springs that sinks onto an elastic wall and is
-# squeezed.
+# A small non-uniform disk that sinks onto an elastic wall and is squeezed.
 LATTICE = non_uniform(with_wall(Lattice.disk(40, seed=1), 60, 3.0, seed=1))
 MODEL = Model(Springs(1.3, 0.2, 0.5), ElasticWall(300.0, 150.0, 0.1))
 SCENE = load_scene("absorbing_wall", ["lattice.points=40", "lattice.seed=1"])
@@ -54,8 +53,7 @@ def truth(t):
     }
 
 
-# The balls that particle programs draw cover half of a typical spring, so the other
-# half is visible.
+# The balls that particle programs draw leave half of a typical spring visible.
 BALL = 0.25 * np.median(LATTICE.rest_lengths)
 
 

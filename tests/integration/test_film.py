@@ -270,8 +270,7 @@ def test_a_film_holds_at_the_greatest_compression_and_ends_with_e(run, tmp_path)
     assert set(held) == {f"t = {peak:.2f} R/c"}
     moving = list({one.t: one.pace for one in words if one.pace != [""]}.items())
     pace = np.array([float(lines[0].split()[3]) for _, lines in moving])
-    # The stated paces add up to the simulated time; the contact in the middle is in
-    # slow motion.
+    # The paces add up to the simulated time; the contact is in slow motion.
     span = words[-1].t - words[0].t
     assert (pace[:-1] / 10).sum() == pytest.approx(span, rel=0.04)
     is_slow = [len(lines) > 1 for _, lines in moving]
@@ -430,8 +429,7 @@ def test_a_compression_begins_with_no_minus_and_the_whole_disk_on_a_soft_wall():
 def test_a_full_file_system_leaves_no_film(run, tmp_path, monkeypatch, suffix, room):
     # of this process, which later tests need
     monkeypatch.setattr("taichi_disk.pictures.render.artist._shares_memory", True)
-    # A limit on file sizes simulates a full disk: the same system error in the same
-    # calls.
+    # A limit on file sizes gives the system errors of a full disk.
     _, most = resource.getrlimit(resource.RLIMIT_FSIZE)
     path = tmp_path / f"film{suffix}"
     resource.setrlimit(resource.RLIMIT_FSIZE, (room, most))

@@ -199,27 +199,16 @@ def opened(browser, path, size=(1000, 700)):
     browser.driver.execute_async_script(WAIT_FOR_FILM)
 
 
-def test_compared_runs_have_dashes_and_a_key_and_a_theme_its_colours(browser, folder):
-    result = api.Result.load(folder, estimate=False)
-    path = folder.with_name("two.html")
-    result.film(path, compare=[result], labels=["one", "two"], fps=5, seconds=4)
-    film, _ = packed(path)
-    energies = {(one["run"], one["name"]) for one in film["curves"] if one["name"]}
-    assert energies == {(run, name) for run in (0, 1) for _, name in energies}
-    opened(browser, path)
-    names = browser.script("return document.getElementById('names').innerText")
-    assert names.startswith("one two ")
-    dashes = "return [...document.querySelectorAll('#names path')]"
-    dashes += ".map((one) => one.getAttribute('stroke-dasharray'))"
-    assert browser.script(dashes) == ["", "5,3"]
-    assert names.count("elastic") == 1
+def test_a_theme_has_the_colours_of_its_words_and_curves(browser, folder):
+    film, _ = packed(folder / "film.html")
+    opened(browser, folder / "film.html")
     first = next(one for one in film["curves"] if one["name"])
     for number, theme in enumerate(("light", "dark")):
         browser.script(CHOOSE, "theme", theme)
         ink = ("#212429", "#ededea")[number]
         for name, colour in (
             (".motion", film["curves"][0]["colours"][number]),
-            ("#names span:nth-of-type(3)", first["colours"][number]),
+            ("#names span", first["colours"][number]),
             ("h1", ink),
         ):
             style = f"getComputedStyle(document.querySelector('{name}'))"
@@ -302,8 +291,7 @@ def test_on_paper_circles_are_round_and_forced_colours_leave_pictures(browser, f
     assert ground == "rgb(250, 250, 248)"
 
 
-# What is too small, or has no name. The marks on the time line are short cuts of the
-# slider below them.
+# What is too small, or has no name. Marks on the time line are only short cuts.
 FAULTS = """
 const all = [...document.querySelectorAll("body *")];
 const seen = all.filter((one) => one.offsetWidth);
@@ -408,8 +396,7 @@ def test_a_throw_is_its_address_which_is_written_when_it_is_made(browser, thrown
     assert browser.errors() == []
 
 
-# an address, the numbers that it throws (speed, viscosity, task in per cent), and words
-# about what is not read
+# an address, its speed, viscosity and task in per cent, words about what is not read
 OWN = ("0.05", "10", "")
 SAID = "return told.textContent + unread.textContent"
 ADDRESSES = [

@@ -39,8 +39,7 @@ def test_a_page_opens_obeys_and_computes_what_run_does(served, each_browser, tmp
     assert 2 * browser.disk()[1] > 420
     browser.click("more")
 
-    # A slider, a number that is typed, degrees, a drag that turns the disk, one that
-    # aims.
+    # A slider, a typed number, degrees, a drag that turns the disk, one that aims.
     browser.lead("material.eta_star", 300)
     assert browser.wait(lambda: browser.number("material.eta_star") == 30)
     browser.type("material.eta_star", "2,5")
@@ -54,8 +53,7 @@ def test_a_page_opens_obeys_and_computes_what_run_does(served, each_browser, tmp
     browser.type("impact.angle", "0")
     browser.wait(lambda: browser.setting("angle") == 0.0)
 
-    # A space throws it, also from a slider. It comes to the end that `run` computes, in
-    # all digits.
+    # A space throws it, also from a slider, to the end of `run` in all digits.
     stored = tmp_path / "scene.yaml"
     stored.write_text(browser.script("return sandbox.scene"), encoding="utf-8")
     browser.click("start")

@@ -327,8 +327,7 @@ def test_the_npz_files_hold_the_arrays_of_the_contract(runs, kind):
 
 
 def test_lattice_npz_alone_repeats_the_run(runs):
-    # An independent program uses only the file and the scene's parameters; the boundary
-    # is matched.
+    # An independent program uses only the file and the scene's parameters.
     stored_run = runs["absorbing_wall"]
     start = np.load(stored_run.out / "lattice.npz")
     final = np.load(stored_run.out / "final.npz")

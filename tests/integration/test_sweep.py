@@ -464,8 +464,7 @@ def test_every_scene_is_in_one_part_and_in_one_task_of_one_lattice():
     shares = [executors.part_of(f"{k}/16", scenes) for k in range(1, 17)]
     assert [key for share in shares for key in share] == list(scenes)
     assert {len(share) for share in shares} == {36}
-    # Each part has slow and fast, soft and stiff scenes, so all parts take about the
-    # same time.
+    # Each part has slow and fast, soft and stiff scenes: all take about as long.
     assert all(
         len({scene.impact.velocity for scene in share.values()}) > 8 for share in shares
     )

@@ -48,8 +48,7 @@ def test_restitution_and_contact_time_are_those_of_dop853(eta_star, velocity, ke
     # until the wall's last potential is energy of the flight
     end += 8.0 / (scenario.model.wall.a * velocity)
     e, duration = reference_impact(scenario, end)
-    # The error of 1099 points at the automatic step is below 2e-5, and so is its
-    # estimate.
+    # The error of 1099 points at the automatic step is below 2e-5, as its estimate.
     off = abs(values["restitution"] - e)
     assert off < 2e-5
     assert off <= 1.5 * outcome.summary["error_estimate"]["restitution"] < 5e-5
@@ -101,12 +100,10 @@ def test_an_automatic_step_resolves_the_vibrations_excited_by_resets_with_dashpo
     end = outcome.series["t"][-1]
     _, v = model.solve_with_resets(*start, end, 0.02, rtol=1e-8)
     assert_within(abs(found - v[:points, 1].mean() / scenario.velocity), outcome)
-    # The energy balance, with kicks that a reset cuts in half, does not require a
-    # shorter step.
+    # The energy balance, whose kicks a reset halves, asks for no shorter step.
     assert outcome.summary["attempts"] == 1
 
-    # compare with the other integrator at a tenth of the step that strong dashpots
-    # allow
+    # compare with the other integrator, at a tenth of the step that dashpots allow
     strong = "material.eta_star=100"
     _, outcome, found = thrown(strong, "time.integrator=trapezoidal")
     _, _, e = thrown(strong, explicit[1], "time.dt=1e-4", estimate=False)

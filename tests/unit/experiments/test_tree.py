@@ -255,8 +255,7 @@ def test_a_file_in_the_way_has_precedence_over_a_shipped_scene(tmp_path, monkeyp
     assert load_scene("exponential_wall").lattice.points == 7
 
 
-# Whatever is given, a scene is returned or InputError raised, whose text can be
-# printed.
+# Whatever is given makes a scene, or an InputError whose text can be printed.
 
 WORDS = """\
 scene lattice material wall impact compression time video sweep points seed rim file

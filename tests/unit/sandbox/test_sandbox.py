@@ -142,8 +142,7 @@ def test_a_saved_scene_gives_what_was_seen_of_a_disk_turned_by_hand(sandbox, tmp
     assert np.angle(spoke[1] / spoke[0]) == pytest.approx(0.7, abs=1e-6)
     assert sandbox.at_start
     assert not sandbox.time.display.segment.label
-    # Turned, the disk begins to feel the wall at another height, and is dented a
-    # little.
+    # Turned, the disk feels the wall at another height, and is dented a little.
     shift = sandbox.time.display.x - shown
     across, up = shift.mean(axis=0)
     assert abs(across) < 1e-12

@@ -112,8 +112,7 @@ def test_a_slider_that_is_held_while_the_scene_changes_is_let_be(session):
     assert all(
         isinstance(one["value"], (int, float)) for one in panel(session)["sliders"]
     )
-    # a sentence about a refused number goes with the next right one, also if that
-    # changes nothing, and comes again if the number does
+    # what is said of a refused number goes with a right one, and comes again with it
     say(session, "set", key="compression.pressure", value=-1.0)
     refused = panel(session)
     assert "compression.pressure" in refused["message"]
