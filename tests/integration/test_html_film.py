@@ -279,6 +279,10 @@ def test_on_paper_circles_are_round_and_forced_colours_leave_pictures(browser, f
     browser.script("window.dispatchEvent(new Event('afterprint'))")
     assert browser.script(theme) == "dark"
     browser.script(CHOOSE, "theme", "light")
+    # a translator turns the page, and numbers stay in their order
+    browser.script("document.documentElement.dir = 'rtl'")
+    style = "getComputedStyle(document.querySelector('canvas'))"
+    assert browser.script(f"return {style}.direction") == "ltr"
     browser.emulate(media="print")
     browser.resize((500, 700))
     time.sleep(0.2)
