@@ -207,7 +207,6 @@ def of_picture(picture, across):
 
 
 FILMS = {
-    "impact": (["exponential_wall"], {"size": 720, "seconds": 0.3, "magnify": 3}),
     "comparison": (
         [
             "exponential_wall impact.spin=0.2 wall.friction=0.2",
