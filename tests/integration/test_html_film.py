@@ -279,6 +279,10 @@ def test_on_paper_circles_are_round_and_forced_colours_leave_pictures(browser, f
     browser.script("window.dispatchEvent(new Event('afterprint'))")
     assert browser.script(theme) == "dark"
     browser.script(CHOOSE, "theme", "light")
+    # a translator turns the page, and numbers stay in their order
+    browser.script("document.documentElement.dir = 'rtl'")
+    style = "getComputedStyle(document.querySelector('canvas'))"
+    assert browser.script(f"return {style}.direction") == "ltr"
     browser.emulate(media="print")
     browser.resize((500, 700))
     time.sleep(0.2)
@@ -530,8 +534,8 @@ def test_a_long_throw_is_stopped_or_replaced_and_the_old_one_shown(browser, tmp_
     assert browser.script(touch) == "none"  # at first: Copy link was there
     browser.wait(lambda: browser.script(touch) == "auto", 2.0)
     shown = title_of(browser)
-    for key, number in (("v", 0.001), ("eta", 100.0)):
-        browser.type(key, str(number))
+    browser.type("v", "0.001")
+    browser.type("eta", "100")
     browser.click("throw")
     is_busy = "return document.querySelector('#throws.busy') && bar.value > 0"
     browser.wait(lambda: browser.script(is_busy))
@@ -547,6 +551,8 @@ def test_a_long_throw_is_stopped_or_replaced_and_the_old_one_shown(browser, tmp_
     browser.click("throw")
     assert browser.text("told") == ""
     browser.wait(lambda: browser.script(is_busy))
+    browser.type("magnify", "100")
+    assert browser.text("refused") == "100 is beyond the slider: 20."
     browser.type("v", "0.5")
     browser.click("throw")  # a new throw ends the old one
     browser.wait(lambda: "v = 0.1 c" in title_of(browser))

@@ -471,13 +471,13 @@ class ImpactScenario(Scenario):
         whole = energies["kinetic"][0]
         shares = {name: 100.0 * one[-1] / whole for name, one in energies.items()}
         parts = [
-            f"{BY_NAME[name].label} took {shares[name]:.2g} %"
+            f"{BY_NAME[name].label} took {shares[name]:.3g} %"
             for name in reversed(of_kind("loss"))
             if shares[name] > LEAST_SHARE
         ]
         ringing = shares["vibration"] + shares["elastic"]
         if ringing > LEAST_SHARE:
-            parts.append(f"{ringing:.2g} % still rings")
+            parts.append(f"{ringing:.3g} % still rings")
         if parts:
             text += f". Of the energy, {', '.join(parts)}"
         return f"{text}."

@@ -411,7 +411,8 @@ async function play() {
     (key, value) => {
       const { options, low, high } = specs.find((spec) => spec.key === key);
       settings[key] = options ? value : Math.min(Math.max(value, low), high);
-      ui.refused.textContent = "";
+      const beyond = `${value} is beyond the slider: ${settings[key]}.`;
+      ui.refused.textContent = settings[key] === value ? "" : beyond;
       change();
     },
     (text) => (ui.refused.textContent = text),

@@ -35,7 +35,7 @@ def faults(path, text, *overrides):
     [
         (r'"C:\new.csv"', "a backslash in double quotes begins a special character"),
         (r'"C:\Users.csv"', "a backslash in double quotes begins a special character"),
-        ("None", "not None; did you mean none?"),
+        ("None", "must be none or the name of a file, not None ("),
     ],
 )
 @pytest.mark.parametrize("key", ["file", "velocities"])
@@ -56,7 +56,7 @@ impact: {offset: 1} | 2:10: impact.offset: belongs to scene: absorbing_wall, not
 impact: {angle: 90} | 2:17: impact.angle: must be a number from -1.5 to 1.5 [rad],
 wall: {a: [1, 2]} | 2:11: wall.a: must be a number from 0.1 to 1e6 [1/R], not a list;
 lattice: {points: ten} | 2:19: lattice.points: must be a whole number from 3 to
-lattice: {rim: yes} | 2:16: lattice.rim: must be true or false, not yes (evenly
+lattice: {rim: no} | 2:16: lattice.rim: must be true or false, not no (evenly
 lattice: {file: 3} | 2:17: lattice.file: must be none or the name of a file, not 3
 time: {dt: 0} | 2:12: time.dt: must be auto or a number from 1e-9 to 1000 [R/c], not 0
 video: {theme: dork} | 2:16: video.theme: must be light or dark, not dork; did you mean
