@@ -8,10 +8,13 @@ from time import perf_counter
 
 from taichi_disk.version import __version__
 
-TYPE_CHECKING = False  # importing it from typing would delay the handling of Ctrl-C
+# Importing it from typing would delay the handling of Ctrl-C. If it were a plain False,
+# Jedi, which completes names in IPython and Spyder, would skip these imports.
+TYPE_CHECKING = __name__ == "typing"
 if TYPE_CHECKING:
     from typing import Any
 
+    from taichi_disk.base.errors import InputError, SimulationError, TaichiDiskError
     from taichi_disk.experiments.scenes import Scene, load_scene, load_sweep
     from taichi_disk.mechanics.lattice import Lattice
     from taichi_disk.runs.api import Result, run
@@ -19,9 +22,12 @@ if TYPE_CHECKING:
 
 BEGAN = perf_counter()  # start of the wall clock of a command
 __all__ = [
+    "InputError",
     "Lattice",
     "Result",
     "Scene",
+    "SimulationError",
+    "TaichiDiskError",
     "__version__",
     "load_scene",
     "load_sweep",
@@ -30,12 +36,17 @@ __all__ = [
 ]
 
 _MODULES = {
-    "Lattice": "mechanics.lattice",
-    "Result": "runs.api",
-    "run": "runs.api",
-    "run_sweep": "studies.sweep.sweep",
+    "InputError": "taichi_disk.base.errors",
+    "Lattice": "taichi_disk.mechanics.lattice",
+    "Result": "taichi_disk.runs.api",
+    "Scene": "taichi_disk.experiments.scenes",
+    "SimulationError": "taichi_disk.base.errors",
+    "TaichiDiskError": "taichi_disk.base.errors",
+    "load_scene": "taichi_disk.experiments.scenes",
+    "load_sweep": "taichi_disk.experiments.scenes",
+    "run": "taichi_disk.runs.api",
+    "run_sweep": "taichi_disk.studies.sweep.sweep",
 }
-_MODULES |= dict.fromkeys(("Scene", "load_scene", "load_sweep"), "experiments.scenes")
 
 
 def __dir__() -> list[str]:
@@ -46,5 +57,5 @@ def __getattr__(name: str) -> Any:
     # Names are imported on first use, so that `taichi-disk --help` and `check` need
     # neither Taichi nor SciPy.
     if name in _MODULES:
-        return getattr(import_module(f"taichi_disk.{_MODULES[name]}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return getattr(import_module(_MODULES[name]), name)
+    raise AttributeError(f"module 'taichi_disk' has no attribute {name!r}")

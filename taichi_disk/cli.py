@@ -25,8 +25,6 @@ from taichi_disk.base.errors import (
 from taichi_disk.base.machine import cores, foreign_packages
 from taichi_disk.base.progress import terminal
 from taichi_disk.base.signals import INTERRUPTED, raise_if_interrupted
-from taichi_disk.experiments.config.sections import VideoSection
-from taichi_disk.experiments.config.tree import shipped_scenes
 
 DEFAULT_SCENE = "exponential_wall"  # of `view`
 _TRAJECTORIES = ("xyz", "vtu", "npz")
@@ -45,13 +43,7 @@ def main(argv: Sequence[str]) -> int:
     NOTICES.setLevel(logging.INFO)
     try:
         _check_environment()
-        parser = _parser()
-        if not argv:
-            parser.print_help()
-            return 0
-        arguments = parser.parse_args(argv)
-        raise_if_interrupted()
-        status = _carry_out(arguments)
+        status = _carry_out(argv)
         if sys.stdout is not None:  # it may be closed
             sys.stdout.flush()
         return status
@@ -80,10 +72,12 @@ def main(argv: Sequence[str]) -> int:
         return 1
 
 
-def _carry_out(arguments: argparse.Namespace) -> int:
+def _carry_out(argv: Sequence[str]) -> int:
     """Return the exit status of a command. Raises TaichiDiskError, with what helps, if
     a package from elsewhere cannot be imported."""
     try:
+        arguments = _parser().parse_args(argv or ["--help"])
+        raise_if_interrupted()
         return arguments.command(arguments) or 0
     except ImportError as error:
         foreign = foreign_packages()
@@ -203,6 +197,7 @@ def _sweep(arguments: argparse.Namespace) -> int:
 
 
 def _view(arguments: argparse.Namespace) -> None:
+    from taichi_disk.experiments.config.tree import shipped_scenes
     from taichi_disk.sandbox.app import view
 
     name = arguments.scene or DEFAULT_SCENE
@@ -220,6 +215,7 @@ def _view(arguments: argparse.Namespace) -> None:
 
 
 def _render(arguments: argparse.Namespace) -> None:
+    from taichi_disk.experiments.config.sections import VideoSection
     from taichi_disk.pictures.render.film import check_target, size_text
     from taichi_disk.runs.api import Result
 
@@ -313,6 +309,8 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser() -> argparse.ArgumentParser:
+    from taichi_disk.experiments.config.sections import VideoSection
+
     parser = _Parser(
         prog="taichi-disk",
         description=(
@@ -510,6 +508,8 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _shipped(has_sweep: bool = False) -> str:
+    from taichi_disk.experiments.config.tree import shipped_scenes
+
     # by their names, because a file that a user has put there may be anything
     names = [
         printable(name).replace("%", "%%")

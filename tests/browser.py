@@ -320,9 +320,6 @@ BROWSERS = {"chromium": Browser, "firefox": Firefox}
 MISSING_BROWSERS = {"chromium": MISSING, "firefox": FIREFOX_MISSING}
 
 
-Served = tuple[subprocess.Popen[str], str]
-
-
 @contextmanager
 def serving(folder, *arguments):
     """Yield `view`, on a machine without display and Vulkan, and its address."""

@@ -24,7 +24,6 @@ SANDBOX = {
     "test_pages",
     "test_sandbox",
     "test_session",
-    "test_shared_kernels",
 }
 # unit tests that compute
 COMPUTING = {
@@ -105,8 +104,7 @@ def pytest_make_parametrize_id(val, argname):
 
 @pytest.fixture
 def kernels():
-    """Return the KernelCache of this process, because compiling takes most of the
-    tests' time."""
+    """Return the KernelCache of this process: compiling takes most of the time."""
     from taichi_disk.base import runtime
     from taichi_disk.mechanics.simulation.simulation import shared_kernels
 

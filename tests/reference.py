@@ -1,8 +1,6 @@
-"""An independent solver: the equations of motion in plain NumPy, integrated by SciPy's
-DOP853.
+"""An independent solver: the equations of motion in plain NumPy and SciPy's DOP853.
 
-It shares no code with the program, and uses only the contents of lattice.npz and the
-parameters of the scene.
+It shares no code with the program: it uses lattice.npz and the scene's parameters.
 """
 
 from typing import NamedTuple
@@ -133,8 +131,8 @@ class Model:
         return f
 
     def solve(self, x, v, times, rtol=1e-11, method="DOP853"):
-        """Return (x, v) at each of the `times`, which begin at the start: (times, 2, n,
-        2). LSODA is quicker for strong dashpots of few points."""
+        """Return (x, v) (times, 2, n, 2); `times` begin at the start. LSODA is quicker
+        for strong dashpots of few points."""
 
         def rate(_t, y):
             x, v = y.reshape(2, *shape)

@@ -64,8 +64,7 @@ def _named(found):
 def differences(found, known):
     """Return the lines of `found` that say something else than those of `known`.
 
-    The last digit of a number with a point may differ by two, because processors and
-    libraries round otherwise.
+    The last digit of a number with a point may differ by two, as processors round.
     """
     lines = [found.splitlines(), known.splitlines()]
     if len(lines[0]) != len(lines[1]):
@@ -127,8 +126,7 @@ def _keep(lines, known):
 
 
 def digest(values):
-    """Return the shape of numbers and the largest; over it their bounds, mean, and a
-    sum that depends on their order."""
+    """Return shape and largest of numbers; over it bounds, mean, and an ordered sum."""
     values = np.asarray(values, dtype=float)
     flat = values[np.isfinite(values)]
     shape = "x".join(map(str, values.shape))

@@ -75,12 +75,14 @@ def processor() -> str:
 
 
 def can_start_python() -> bool:
-    """Return whether `sys.executable` is a Python. In an application that contains
-    Python it may be the application, which would start itself again."""
+    """Return whether `sys.executable` is a Python that can run files of this package.
+
+    In an application that contains Python it may be the application, which would start
+    itself again. PyInstaller and its kind keep modules in an archive, as zip files do.
+    """
     path = Path(sys.executable or "")
-    is_frozen = getattr(sys, "frozen", False)  # by PyInstaller and its kind
     is_python = path.name.lower().startswith(("python", "pypy"))
-    return is_python and path.is_file() and not is_frozen
+    return is_python and path.is_file() and Path(__file__).is_file()
 
 
 def foreign_packages(*others: str) -> str:

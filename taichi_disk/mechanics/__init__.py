@@ -27,15 +27,15 @@ if TYPE_CHECKING:
     from taichi_disk.mechanics.simulation.simulation import Simulation as Simulation
 
 _MODULES = {
-    "VELOCITY_VERLET": "integrators",
-    "Integrator": "integrators",
-    "Array": "lattice",
-    "Lattice": "lattice",
-    "BodyForce": "physics",
-    "ExponentialWall": "physics",
-    "Model": "physics",
-    "Springs": "physics",
-    "Simulation": "simulation.simulation",
+    "VELOCITY_VERLET": "taichi_disk.mechanics.integrators",
+    "Integrator": "taichi_disk.mechanics.integrators",
+    "Array": "taichi_disk.mechanics.lattice",
+    "Lattice": "taichi_disk.mechanics.lattice",
+    "BodyForce": "taichi_disk.mechanics.physics",
+    "ExponentialWall": "taichi_disk.mechanics.physics",
+    "Model": "taichi_disk.mechanics.physics",
+    "Springs": "taichi_disk.mechanics.physics",
+    "Simulation": "taichi_disk.mechanics.simulation.simulation",
 }
 
 
@@ -46,5 +46,5 @@ def __dir__() -> list[str]:
 def __getattr__(name: str) -> Any:
     # on first use, because a scene file is checked without Taichi and SciPy
     if name in _MODULES:
-        return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return getattr(import_module(_MODULES[name]), name)
+    raise AttributeError(f"module 'taichi_disk.mechanics' has no attribute {name!r}")

@@ -353,7 +353,6 @@ class Sandbox:
         self.remaining_loads = []
         if not self.paused:
             self._settle()
-            self.message = ""
 
     def scrub(self, t: float) -> None:
         """Pause, and show the first state stored `t` [R/c] or later after the hit on

@@ -5,7 +5,6 @@ import os
 import re
 import resource
 import shutil
-import signal
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -271,8 +270,7 @@ def test_a_film_holds_at_the_greatest_compression_and_ends_with_e(run, tmp_path)
     assert set(held) == {f"t = {peak:.2f} R/c"}
     moving = list({one.t: one.pace for one in words if one.pace != [""]}.items())
     pace = np.array([float(lines[0].split()[3]) for _, lines in moving])
-    # The stated paces add up to the simulated time; the contact in the middle is in
-    # slow motion.
+    # The paces add up to the simulated time; the contact is in slow motion.
     span = words[-1].t - words[0].t
     assert (pace[:-1] / 10).sum() == pytest.approx(span, rel=0.04)
     is_slow = [len(lines) > 1 for _, lines in moving]
@@ -431,8 +429,7 @@ def test_a_compression_begins_with_no_minus_and_the_whole_disk_on_a_soft_wall():
 def test_a_full_file_system_leaves_no_film(run, tmp_path, monkeypatch, suffix, room):
     # of this process, which later tests need
     monkeypatch.setattr("taichi_disk.pictures.render.artist._shares_memory", True)
-    # A limit on file sizes simulates a full disk: the same system error in the same
-    # calls.
+    # A limit on file sizes gives the system errors of a full disk.
     _, most = resource.getrlimit(resource.RLIMIT_FSIZE)
     path = tmp_path / f"film{suffix}"
     resource.setrlimit(resource.RLIMIT_FSIZE, (room, most))
@@ -471,37 +468,6 @@ def test_curves_are_begun_before_what_they_need_last(run, tmp_path, monkeypatch)
     monkeypatch.setattr(finisher, "draw_curves", lambda _, *what: events.append(what))
     film(tmp_path / "film.mp4", [run], size=360, seconds=0.2, panel="true")
     assert events[-1][0] is drawn
-
-
-@needs_vulkan
-def test_a_killed_process_costs_the_film_and_nothing_else(tmp_path):
-    def children():
-        tasks = Path("/proc/self/task").iterdir()
-        found = {
-            number
-            for task in tasks
-            for number in (task / "children").read_text().split()
-        }
-        return found - before
-
-    def killer(stage, done, total):
-        if (stage, done) == ("render", 5):
-            for number in children():
-                os.kill(int(number), signal.SIGKILL)
-
-    before = set()
-    before = children()
-    scene = load_scene("exponential_wall", ["lattice.points=20", "video.size=64"])
-    result = api.run(scene, tmp_path / "o", video=True, lattices=1, progress=killer)
-    assert result.summary["status"] == "done"
-    error = result.summary["video_error"]
-    assert error.startswith("the process that encodes the film was ended")
-    assert "(SIGKILL)" in error
-    assert not children()
-    assert [path.name for path in tmp_path.iterdir()] == ["o"]
-    names = {path.name for path in (tmp_path / "o").iterdir()}
-    assert "plot.png" in names
-    assert not [name for name in names if "video" in name]
 
 
 @needs_vulkan

@@ -5,7 +5,6 @@ import json
 import re
 import secrets
 import socket
-from collections.abc import Awaitable, Callable
 from contextlib import asynccontextmanager
 from functools import partial
 from threading import Event
@@ -27,7 +26,6 @@ SETTINGS = ["lattice.points=60", "impact.velocity=0.05", "material.eta_star=1"]
 PLAYLIST = [
     Preset("bounce", "Look.", partial(load_scene, "exponential_wall", SETTINGS))
 ]
-Act = Callable[[int], Awaitable[None]]  # what visitors do, given the port
 
 
 @pytest.fixture

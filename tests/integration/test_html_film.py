@@ -199,27 +199,16 @@ def opened(browser, path, size=(1000, 700)):
     browser.driver.execute_async_script(WAIT_FOR_FILM)
 
 
-def test_compared_runs_have_dashes_and_a_key_and_a_theme_its_colours(browser, folder):
-    result = api.Result.load(folder, estimate=False)
-    path = folder.with_name("two.html")
-    result.film(path, compare=[result], labels=["one", "two"], fps=5, seconds=4)
-    film, _ = packed(path)
-    energies = {(one["run"], one["name"]) for one in film["curves"] if one["name"]}
-    assert energies == {(run, name) for run in (0, 1) for _, name in energies}
-    opened(browser, path)
-    names = browser.script("return document.getElementById('names').innerText")
-    assert names.startswith("one two ")
-    dashes = "return [...document.querySelectorAll('#names path')]"
-    dashes += ".map((one) => one.getAttribute('stroke-dasharray'))"
-    assert browser.script(dashes) == ["", "5,3"]
-    assert names.count("elastic") == 1
+def test_a_theme_has_the_colours_of_its_words_and_curves(browser, folder):
+    film, _ = packed(folder / "film.html")
+    opened(browser, folder / "film.html")
     first = next(one for one in film["curves"] if one["name"])
     for number, theme in enumerate(("light", "dark")):
         browser.script(CHOOSE, "theme", theme)
         ink = ("#212429", "#ededea")[number]
         for name, colour in (
             (".motion", film["curves"][0]["colours"][number]),
-            ("#names span:nth-of-type(3)", first["colours"][number]),
+            ("#names span", first["colours"][number]),
             ("h1", ink),
         ):
             style = f"getComputedStyle(document.querySelector('{name}'))"
@@ -290,6 +279,10 @@ def test_on_paper_circles_are_round_and_forced_colours_leave_pictures(browser, f
     browser.script("window.dispatchEvent(new Event('afterprint'))")
     assert browser.script(theme) == "dark"
     browser.script(CHOOSE, "theme", "light")
+    # a translator turns the page, and numbers stay in their order
+    browser.script("document.documentElement.dir = 'rtl'")
+    style = "getComputedStyle(document.querySelector('canvas'))"
+    assert browser.script(f"return {style}.direction") == "ltr"
     browser.emulate(media="print")
     browser.resize((500, 700))
     time.sleep(0.2)
@@ -302,8 +295,7 @@ def test_on_paper_circles_are_round_and_forced_colours_leave_pictures(browser, f
     assert ground == "rgb(250, 250, 248)"
 
 
-# What is too small, or has no name. The marks on the time line are short cuts of the
-# slider below them.
+# What is too small, or has no name. Marks on the time line are only short cuts.
 FAULTS = """
 const all = [...document.querySelectorAll("body *")];
 const seen = all.filter((one) => one.offsetWidth);
@@ -399,16 +391,18 @@ def test_a_throw_is_its_address_which_is_written_when_it_is_made(browser, thrown
     name = browser.script("return document.querySelector('canvas').ariaLabel")
     assert "η* = 40" in name and "η* = 40" in title_of(browser)
     browser.script(CHOOSE, "v", np.log(0.02))
+    browser.script(CHOOSE, "magnify", np.log(10.0))
     assert browser.script(HERE) == "#v=0.1&eta=40&goal=0.9"
     browser.click("throw")
     browser.wait(lambda: browser.script(HERE) == "#v=0.02&eta=40&goal=0.9")
     assert browser.text("verdict") == ""
+    assert "displacements × 10" in browser.script("return document.body.textContent")
     assert browser.errors() == []
 
 
-# an address, the numbers that it throws (speed, viscosity, task in per cent), and words
-# about what is not read
+# an address, its speed, viscosity and task in per cent, words about what is not read
 OWN = ("0.05", "10", "")
+SAID = "return told.textContent + unread.textContent"
 ADDRESSES = [
     ("#v=0,04", ("0.04", "10", ""), ""),
     ("#v=0.1;eta=1/2", ("0.1", "0.5", ""), ""),
@@ -419,6 +413,7 @@ ADDRESSES = [
     ("#v=0.5&eta=3", ("0.1", "3", ""), "0.5 is beyond the slider: 0.1."),
     ("#speed=0.02&eta=3", ("0.05", "3", ""), "Not read: speed; write v, eta, goal."),
     ("#goal=85", OWN, "85 is no goal: write 0.85, or 85 %."),
+    ("#v=0.03&", ("0.03", "10", ""), "Not read: what followed the last &; write"),
     ("#v=1,500&eta=3", ("0.05", "3", ""), "v: “1,500” is not read as a number"),
 ]
 HOSTILE = [
@@ -428,7 +423,6 @@ HOSTILE = [
     "#v=NaN&eta=Infinity&goal=-0",
     "#v=0x10&eta=0b1&goal=__proto__",
     "#__proto__=1&constructor=2&toString=3",
-    "#v[]=1&v.length=9&hasOwnProperty=1",
     f"#v={'9' * 100_000}",
     f"#{' ' * 100_000}v=0.02",
     f"#{'&' * 100_000}",
@@ -437,11 +431,9 @@ HOSTILE = [
     "#%E0%A4%A&v=%ff",
     "#v=1/0&eta=0/0",
     "#=&=&=0.02&&;;",
-    "#javascript:alert(1)",
     "#v=0.02#v=0.03",
     "#v=\u202e0.02&eta=\u0000",
     "#goal=-1&v=-0.05&eta=-5",
-    "#v=../../etc/passwd&eta=';DROP TABLE--",
 ]
 
 
@@ -455,19 +447,14 @@ def numbers_in(browser):
     return (*fields, browser.script(task))
 
 
-def test_an_address_is_read_before_the_hash_too(browser, thrown):
-    throw_at(browser, thrown, "?v=0.02&eta=50&forcedownload=1#v=0.03")
-    assert numbers_in(browser) == ("0.03", "50", "")
-    assert browser.text("told") == ""
-
-
 def test_an_address_is_read_as_people_write_it_or_named(browser, thrown):
     throw_at(browser, thrown, "#v=0.03&eta=50")
     for address, numbers, words in ADDRESSES:
         browser.script("location.hash = arguments[0]", address)
         browser.wait(lambda one=numbers: numbers_in(browser) == one)
-        assert words in browser.text("told"), address
-        assert bool(words) == bool(browser.text("told")), address
+        told = browser.script(SAID)
+        assert words in told, address
+        assert bool(words) == bool(told), address
         speed, viscosity, _ = numbers
         browser.wait(lambda v=speed: f"v = {v} c" in title_of(browser))
         assert f"η* = {viscosity}" in title_of(browser)
@@ -481,8 +468,8 @@ def test_hostile_addresses_throw_the_own_disk_or_what_is_read(browsers, kind, th
     browser.driver.get(thrown.as_uri())
     for address in HOSTILE:
         browser.script("location.hash = arguments[0]", address)
-        browser.wait(lambda: browser.text("told"), seconds=5.0)
-        assert len(browser.text("told")) < 500
+        browser.wait(lambda: browser.script(SAID), seconds=5.0)
+        assert len(browser.script(SAID)) < 500
         speed, viscosity, task = numbers_in(browser)
         assert speed in ("0.05", "0.02", "0.001", "0.1")
         assert (viscosity, task) in (("10", ""), ("0", ""))
@@ -510,11 +497,12 @@ def test_the_task_is_in_the_file_and_a_button_clears_it(browser, tmp_path):
     browser.script("location.hash = '#goal=none'")
     browser.wait(lambda: numbers_in(browser)[2] == "")
     browser.click("task")
-    assert numbers_in(browser)[2] == "80"
-    browser.script(CHOOSE, "share", "9O")
-    told = "“9O” is no goal: write a number from 1 to 100."
-    assert browser.text("told") == told
-    assert numbers_in(browser)[2] == "80"
+    assert browser.script(HERE) == "#v=0.05&eta=10&goal=0.01"
+    for text in ("9O", "0.9", "0"):
+        browser.script(CHOOSE, "share", text)
+        told = f"“{text}” is no goal: write a number from 1 to 100."
+        assert browser.text("unread") == told
+        assert numbers_in(browser)[2] == "1"
     browser.wait(lambda: "v = 0.05 c" in title_of(browser))
     browser.script(MOVE, 20)
     result = browser.script(
@@ -527,11 +515,11 @@ def test_the_task_is_in_the_file_and_a_button_clears_it(browser, tmp_path):
     assert "too small: less viscosity" in browser.text("verdict")
     browser.script(CHOOSE, "share", "75 %")
     assert browser.text("task") == "Clear task"
-    for numbers in ("", "75"):  # the last task comes back, not the file's
-        browser.click("task")
-        assert numbers_in(browser)[2] == numbers
-    browser.click("throw")
-    browser.wait(lambda: browser.script(HERE) == "#v=0.05&eta=10&goal=0.75")
+    browser.click("task")
+    browser.script("location.hash = '#goal=none'")
+    browser.wait(lambda: not browser.script("return document.querySelector('.busy')"))
+    browser.click("task")  # the last task comes back, not the file's
+    assert browser.script(HERE) == "#v=0.05&eta=10&goal=0.75"
 
 
 def test_a_long_throw_is_stopped_or_replaced_and_the_old_one_shown(browser, tmp_path):
@@ -546,8 +534,8 @@ def test_a_long_throw_is_stopped_or_replaced_and_the_old_one_shown(browser, tmp_
     assert browser.script(touch) == "none"  # at first: Copy link was there
     browser.wait(lambda: browser.script(touch) == "auto", 2.0)
     shown = title_of(browser)
-    for key, number in (("v", 0.001), ("eta", 100.0)):
-        browser.type(key, str(number))
+    browser.type("v", "0.001")
+    browser.type("eta", "100")
     browser.click("throw")
     is_busy = "return document.querySelector('#throws.busy') && bar.value > 0"
     browser.wait(lambda: browser.script(is_busy))
@@ -563,18 +551,39 @@ def test_a_long_throw_is_stopped_or_replaced_and_the_old_one_shown(browser, tmp_
     browser.click("throw")
     assert browser.text("told") == ""
     browser.wait(lambda: browser.script(is_busy))
-    browser.type("v", "0.1")
+    browser.type("magnify", "100")
+    assert browser.text("refused") == "100 is beyond the slider: 20."
+    browser.type("v", "0.5")
     browser.click("throw")  # a new throw ends the old one
     browser.wait(lambda: "v = 0.1 c" in title_of(browser))
+    assert browser.text("unread") == "0.5 is beyond the slider: 0.1."
     browser.wait(lambda: not browser.script(is_busy))
     assert browser.script(HERE) == "#v=0.1&eta=100"
     assert browser.errors() == []
+
+
+# Firefox drops the message of a page that is left, and then comes back
+BACK = """
+MessagePort.prototype.postMessage = () => {};
+setInterval(() => dispatchEvent(new Event("pageshow")), 20);
+location.hash = "#v=0.02&eta=41";"""
 
 
 def test_a_throw_needs_no_timer_which_is_held_back_in_a_hidden_page(browser, thrown):
     throw_at(browser, thrown)
     browser.script("window.setTimeout = () => {}; location.hash = '#v=0.02&eta=40'")
     browser.wait(lambda: "η* = 40" in title_of(browser))
+    browser.script(BACK)
+    browser.wait(lambda: "η* = 41" in title_of(browser))
+
+
+def test_a_page_that_a_browser_has_saved_throws(browser, thrown, tmp_path):
+    throw_at(browser, thrown, "#v=0.1")
+    page = browser.script("return document.documentElement.outerHTML")
+    saved = tmp_path / "saved.html"
+    saved.write_text(f"<!doctype html>{page}", encoding="utf-8")
+    throw_at(browser, saved)
+    browser.wait(lambda: numbers_in(browser) == OWN and "0.05" in title_of(browser))
 
 
 PASTE = """
@@ -592,7 +601,8 @@ def test_a_table_takes_the_addresses_of_others_and_survives_a_reload(browser, th
     lines = [
         "[Play](<https://x.org/a.html#v=0.1&eta=10&goal=0.9>)",
         "https://x.org/?url=https%3A%2F%2Fx.org%2Fa.html%23v%3D0.03%26eta%3D10&data=5",
-        "https://x.org/a.html%23v=0.05&eta=20",
+        "https://x.org/a.html%23v=0.05&",  # broken by a mail
+        "eta=20",
         " v=0,02 eta=10",
         "v=3&eta=x",
         "v=0.5&eta=1",
@@ -630,7 +640,9 @@ document.execCommand = () => false;"""
 
 
 def test_copy_link_says_what_was_copied_or_shows_it(browser, thrown):
-    throw_at(browser, thrown, "#v=0.1&eta=15")
+    # an address is read before its hash, too
+    throw_at(browser, thrown, "?v=0.02&eta=15&forcedownload=1#v=0.1")
+    assert browser.text("told") == ""
     browser.script(CLIPBOARD)
     browser.click("link")
     browser.wait(lambda: "Copied #v=0.1&eta=15: send the file" in browser.text("told"))
@@ -659,11 +671,12 @@ def test_a_copied_table_has_the_decimal_sign_of_the_browsers_language(browser, t
     assert re.search(r"\ne\t0,\d+\t0,1\t15\n", browser.script("return window.copied"))
 
 
-def test_a_finger_on_the_film_scrolls_its_page(browser, thrown):
+def test_a_finger_on_the_film_scrolls_its_page_to_the_end(browser, thrown):
     browser.resize((640, 360))
     throw_at(browser, thrown)
     browser.drag((320, 160), (320, 40), touch=True)
     assert browser.script("return document.querySelector('main').scrollTop") > 50
+    assert browser.script("return document.querySelector('aside').clientHeight") > 88
 
 
 FRAMES = [

@@ -7,7 +7,7 @@ from html import escape
 import numpy as np
 import pytest
 
-from taichi_disk import Lattice, load_scene, load_sweep, run, run_sweep
+from taichi_disk import Lattice, Result, load_scene, load_sweep, run, run_sweep
 from taichi_disk.base.errors import InputError, SimulationError
 from taichi_disk.runs.api import lattices
 
@@ -60,10 +60,12 @@ def test_mean_and_scatter_are_those_of_a_sweep_over_the_same_seeds_to_all_digits
             "interval_95": pytest.approx(ends, rel=1e-12),
         }
     primary = found[next(iter(found))]
-    assert result.mean == primary["mean"]
-    assert result.scatter == primary["standard_deviation"] > 0.0
-    assert result.standard_error == primary["standard_error"]
-    assert result.interval_95 == primary["interval_95"]
+    loaded = Result.load(tmp_path / "run", estimate=False)
+    for one in (result, loaded):
+        assert one.mean == primary["mean"]
+        assert one.scatter == primary["standard_deviation"] > 0.0
+        assert one.standard_error == primary["standard_error"]
+        assert one.interval_95 == primary["interval_95"]
     first = {name: summary["values"][0] for name, summary in found.items()}
     assert first == result.numbers
 

@@ -148,8 +148,7 @@ def test_an_architecture_from_the_environment_changes_nothing(tmp_path):
 @pytest.mark.validate
 @pytest.mark.parametrize("way", [(*RUN, "--set=lattice.points=20"), ("-c", SLEEP)])
 def test_the_engine_sends_nothing_over_the_network(tmp_path, way):
-    # A new home has no date of the last version check, so Taichi would check for a
-    # newer version.
+    # In a new home Taichi would look for a newer version.
     (tmp_path / "sitecustomize.py").write_text(HOOK)
     known = os.pathsep.join(filter(None, [str(tmp_path), os.environ.get("PYTHONPATH")]))
     home = os.environ | {

@@ -11,7 +11,7 @@ import pytest
 
 from taichi_disk import run
 from taichi_disk.cli import main
-from tests.browser import Browser, ended
+from tests.browser import ended
 
 
 def test_a_port_that_is_taken_is_named(capsys):
@@ -39,8 +39,7 @@ def test_a_page_opens_obeys_and_computes_what_run_does(served, each_browser, tmp
     assert 2 * browser.disk()[1] > 420
     browser.click("more")
 
-    # A slider, a number that is typed, degrees, a drag that turns the disk, one that
-    # aims.
+    # A slider, a typed number, degrees, a drag that turns the disk, one that aims.
     browser.lead("material.eta_star", 300)
     assert browser.wait(lambda: browser.number("material.eta_star") == 30)
     browser.type("material.eta_star", "2,5")
@@ -54,8 +53,7 @@ def test_a_page_opens_obeys_and_computes_what_run_does(served, each_browser, tmp
     browser.type("impact.angle", "0")
     browser.wait(lambda: browser.setting("angle") == 0.0)
 
-    # A space throws it, also from a slider. It comes to the end that `run` computes, in
-    # all digits.
+    # A space throws it, also from a slider, to the end of `run` in all digits.
     stored = tmp_path / "scene.yaml"
     stored.write_text(browser.script("return sandbox.scene"), encoding="utf-8")
     browser.click("start")
@@ -124,40 +122,10 @@ def test_a_body_is_drawn_thrown_and_saved_the_same(served, each_browser, tmp_pat
 
 
 @pytest.mark.validate
-def test_a_page_keeps_its_disk_over_a_reload_and_another_page_has_its_own(
+def test_a_page_keeps_its_disk_over_a_reload_and_while_nobody_answers(
     served, each_browser
 ):
     browser = each_browser
-    program, url = served
-    browser.open(url)
-    browser.click("drop")
-    browser.wait(lambda: browser.state("t") > 1.0)
-    browser.click("drop")
-    browser.wait(lambda: browser.text("drop") == "Go on")
-    t = browser.state("t")
-    browser.open(url)  # again
-    assert browser.state("t") == t
-    assert browser.text("drop") == "Go on"
-    other = Browser((800, 700))
-    try:
-        other.open(url)
-        assert other.state("t") == 0.0
-        assert other.text("drop") == "Throw"
-        other.choose("video.theme", "dark")
-        other.wait(lambda: other.look("theme") == "dark")
-        assert browser.look("theme") == "light"
-        assert browser.text("role") == ""
-        wrong = url.rstrip("/")[:-3] + "/"
-        browser.driver.get(wrong)
-        assert "whole address" in browser.script("return document.body.textContent")
-        program.send_signal(signal.SIGTERM)
-        other.wait(lambda: "does not answer" in other.text("role"))
-    finally:
-        other.driver.quit()
-
-
-@pytest.mark.validate
-def test_a_page_notices_that_nobody_answers_and_finds_its_disk_again(served, browser):
     program, url = served
     browser.open(url)
     browser.click("drop")
@@ -165,6 +133,7 @@ def test_a_page_notices_that_nobody_answers_and_finds_its_disk_again(served, bro
     browser.click("drop")
     browser.wait(lambda: browser.text("drop") == "Go on")
     t = browser.state("t")
+    browser.open(url)  # again
     program.send_signal(signal.SIGSTOP)  # as a cable that is pulled: no word, no end
     browser.script("window.dispatchEvent(new Event('online'))")
     browser.wait(lambda: "does not answer" in browser.text("role"))

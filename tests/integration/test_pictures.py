@@ -91,8 +91,7 @@ def test_a_disk_of_any_number_of_points_is_seen_whole(shoot, points, draw):
     rows, columns = np.nonzero(is_drawn)
     drawn = np.array([(columns.min(), rows.min()), (columns.max() + 1, rows.max() + 1)])
     there = to_pixels(CAMERA, x)
-    # Lines and points are drawn around the positions, by less than 4 pixels at this
-    # size.
+    # Lines and points are drawn around the positions, by less than 4 pixels here.
     assert (drawn[0] <= there.min(axis=0) + 1.0).all()
     assert (drawn[0] > there.min(axis=0) - 4).all()
     assert (drawn[1] >= there.max(axis=0) - 1.0).all()

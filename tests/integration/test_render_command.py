@@ -58,6 +58,7 @@ def test_what_cannot_be_filmed_is_refused_and_why(runs, tmp_path, capsys, monkey
         ([str(tmp_path)], "no run is here"),
         ([own], "no summary.json that can be read"),
         ([impact, "--out", str(tmp_path / "film.avi")], nameless),
+        ([impact, "--out", f"{impact}/plot.png"], "plot.png is the name of curves"),
         ([impact, "--out", "."], "the current folder"),
         (
             [impact, "--out", "film.mp4", "--format", "png"],

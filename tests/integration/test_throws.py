@@ -255,7 +255,10 @@ def test_a_part_of_a_film_and_a_comparison_are_not_thrown(part, tmp_path):
     result = api.run(scene, lattices=1)
     options = {"start": "contact", "end": "greatest", "compare": [result]}
     path = result.film(tmp_path / "film.html", **{part: options[part]})
-    assert packed(path)[0]["again"] is None
+    film = packed(path)[0]
+    assert film["again"] is None
+    energies = [one["name"] for one in film["curves"] if one["name"]]
+    assert {energies.count(name) for name in energies} == {1 + (part == "compare")}
 
 
 # What a film chooses by a rule, and a page for its own throws, too; `digest` holds all.

@@ -51,6 +51,5 @@ def test_a_free_disk_keeps_its_momentum(eta_star, integrator, axial, kernels):
     change = abs(angular(m, x1, v1) - angular(m, x, v))
     assert change > 1e-6 if eta_star and not axial else change < 1e-12
     assert np.abs(v1 - v).max() > 0.01  # the disk did not just fly
-    # Dashpots damp velocities that differ from point to point within a few steps; their
-    # sum is accurate to 1 %.
+    # Dashpots damp unlike velocities within a few steps; their sum is right to 1 %.
     assert np.ptp(columns["total"]) < 0.01 * columns["kinetic"][0]

@@ -118,8 +118,7 @@ def test_smooth_contacts_push_along_gradients_and_keep_momentum(roughness, kerne
 
 @pytest.mark.validate
 def test_an_impact_that_slides_over_the_smooth_surface_converges_with_order_2(kernels):
-    # A spin moves points from spring to spring, where with contact `springs` the energy
-    # jumps and e follows no order.
+    # A spin moves points from spring to spring: with `springs` the energy jumps there.
     settings = (*WALL, "wall.boundary=pinned", "impact.velocity=0.05")
     settings += ("impact.spin=0.1", "impact.gap=0.08")
     settings += ("time.integrator=velocity_verlet",)

@@ -2,8 +2,7 @@
 stays constant.
 
 Leapfrog conserves a modified energy, E + h^2 E_2 + ..., so the imbalance during an
-impact is proportional to h^2; after the impact, when the state is smooth again, it is
-far smaller.
+impact is proportional to h^2; after it, in a smooth state, it is far smaller.
 """
 
 from dataclasses import replace
@@ -131,11 +130,9 @@ def test_the_imbalance_once_nothing_vibrates_falls_with_the_fourth_power(
 
 def test_losses_are_recorded_where_they_occur(kernels):
     # dissipated = int eta sum |v_i - v_j|^2 dt over the springs, absorbed = int sum Z
-    # v^2 dt over the boundary, by the
-    # trapezoidal rule over every step: both sums are O(h^2) from the integrals.
+    # v^2 dt over the boundary, by the trapezoidal rule, to O(h^2).
     lattice, velocities, model = bouncing("matched", N, 20.0 / N)
-    # The boundary already moves at the start; otherwise the wave would have to arrive
-    # first.
+    # The boundary moves at the start; else the wave would have to arrive first.
     velocities[lattice.disk_points :] = [0.01, -0.02]
     h = 1e-3
     i, j = lattice.bonds.T

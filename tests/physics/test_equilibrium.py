@@ -63,8 +63,7 @@ def test_it_comes_to_rest_for_soft_and_hard_walls_and_all_loads(rim, a, pressure
     bearing = reference.Model(lattice, model).wall_force(x)[:, 1]
     assert bearing.sum() == pytest.approx(pressure, rel=1e-10)
     assert abs(np.sum(bearing * spread(x)[:, 0])) < 1e-9 * pressure  # no torque
-    # The mean stays in place even if the disk rolls far, and another call does not move
-    # it again.
+    # The mean stays in place, however far the disk rolls; another call moves nothing.
     assert x[:, 0].mean() == pytest.approx(lattice.positions[:, 0].mean(), abs=1e-12)
     assert solve_equilibrium(lattice, model, x).iterations == 0
 
@@ -251,8 +250,7 @@ def test_the_rest_under_the_full_load_alone_is_bitwise_that_of_the_loading(loadi
     [(SMALL, False), (("lattice.points=60", "material.eta_star=20"), True)],
 )
 def test_relaxation_comes_to_newtons_rest(settings, rolls, kernels):
-    """It begins at the angle of Newton's equilibrium (rolling there takes 10^4 R/c), or
-    at that of the rigid disk."""
+    """It begins at Newton's angle (rolling takes 10^4 R/c), or at the rigid disk's."""
     scene = load_scene("compression", settings)
     scenario = scene.scenario()
     lattice = scenario.lattice
@@ -287,8 +285,7 @@ def test_relaxation_comes_to_newtons_rest(settings, rolls, kernels):
 
 @pytest.mark.validate
 def test_a_compression_within_a_tolerance_ends_as_near_to_newtons_rest(kernels):
-    """Without `time.tolerance` it counts as at rest while the end of the roll still
-    changes xi by 3e-7 R."""
+    """Without it the disk is at rest while its roll still changes xi by 3e-7 R."""
     settings = ["lattice.points=60", "lattice.seed=9162", "wall.a=44", "wall.V0=22"]
     settings += ["material.k_a=0.76", "material.eta_star=68"]
     settings += ["compression.pressure=4e-3"]
@@ -309,8 +306,7 @@ def test_a_compression_within_a_tolerance_ends_as_near_to_newtons_rest(kernels):
     )
     assert scenario.time_to_end(outcome.series) == 0.0
     assert scenario.time_to_end(early.series) > 0.0
-    # Once the disk is at rest, the end is checked at every row, not after another
-    # settling time.
+    # Once the disk is at rest, the end is checked at every row.
     longer = outcome.series["t"][-1] - early.series["t"][-1]
     assert 0.0 < longer < 0.5 * scenario.quiet_time
     end = f"{early.series['t'][-1]:.6g}"

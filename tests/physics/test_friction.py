@@ -70,8 +70,7 @@ def test_spin_and_sideways_velocity_change_by_just_what_the_wall_does(throw, ker
         torque += h * np.sum(arm[:, 0] * normal - arm[:, 1] * tangential)
         push += h * tangential.sum()
     change = columns["angular_momentum"][-1] - columns["angular_momentum"][0]
-    # NumPy cannot know the force on a point that begins or ceases to stick within a
-    # step.
+    # NumPy cannot know when within a step a point begins or ceases to stick.
     allowed = 1e-12 if throw is SLIDING else 2e-3 * abs(change)
     assert change == pytest.approx(torque, abs=allowed)
     assert found["tangential_impulse"] == pytest.approx(push, abs=allowed)

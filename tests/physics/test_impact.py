@@ -11,7 +11,6 @@ from numpy.testing import assert_array_equal
 from taichi_disk.experiments.computation.outcome import compute
 from taichi_disk.experiments.scenes import load_scene
 from taichi_disk.mechanics.integrators import INTEGRATORS
-from taichi_disk.mechanics.lattice import OwnStart
 
 LONG = pytest.mark.validate
 # a corner of it hits again
@@ -49,8 +48,7 @@ def test_restitution_and_contact_time_are_those_of_dop853(eta_star, velocity, ke
     # until the wall's last potential is energy of the flight
     end += 8.0 / (scenario.model.wall.a * velocity)
     e, duration = reference_impact(scenario, end)
-    # The error of 1099 points at the automatic step is below 2e-5, and so is its
-    # estimate.
+    # The error of 1099 points at the automatic step is below 2e-5, as its estimate.
     off = abs(values["restitution"] - e)
     assert off < 2e-5
     assert off <= 1.5 * outcome.summary["error_estimate"]["restitution"] < 5e-5
@@ -102,26 +100,14 @@ def test_an_automatic_step_resolves_the_vibrations_excited_by_resets_with_dashpo
     end = outcome.series["t"][-1]
     _, v = model.solve_with_resets(*start, end, 0.02, rtol=1e-8)
     assert_within(abs(found - v[:points, 1].mean() / scenario.velocity), outcome)
-    # The energy balance, with kicks that a reset cuts in half, does not require a
-    # shorter step.
+    # The energy balance, whose kicks a reset halves, asks for no shorter step.
     assert outcome.summary["attempts"] == 1
 
-    # compare with the other integrator at a tenth of the step that strong dashpots
-    # allow
+    # compare with the other integrator, at a tenth of the step that dashpots allow
     strong = "material.eta_star=100"
     _, outcome, found = thrown(strong, "time.integrator=trapezoidal")
     _, _, e = thrown(strong, explicit[1], "time.dt=1e-4", estimate=False)
     assert_within(abs(found - e), outcome)
-
-
-def test_custom_velocities_give_the_run_of_a_scene_with_their_speed(kernels):
-    fast = load_scene("exponential_wall", ["lattice.points=40", "impact.velocity=0.5"])
-    scene = fast.scenario()
-    start = OwnStart(None, scene.velocities.copy())
-    own = fast.with_(velocity=0.01).scenario(own=start)
-    columns = [compute(case, estimate=False).series for case in (own, scene)]
-    assert own.result(columns[0]) == scene.result(columns[1])
-    assert_array_equal(columns[0]["wall_force"], columns[1]["wall_force"])
 
 
 HARD = ("impact.velocity=3e-3", "wall.a=3000", "wall.V0=7")
@@ -181,17 +167,10 @@ def test_the_time_limit_allows_ten_contacts_with_a_soft_wall():
     assert scenario.max_time == pytest.approx(ten_contacts + flight, rel=1e-12)
 
 
-def test_the_film_shows_the_whole_wall_and_the_path_of_the_disk():
-    for width, half in (3.0, 1.5), (1.0, 1.1):  # at least as wide as the disk
-        keys = {"wall.width": width, "wall.points": 80, "lattice.points": 60}
-        scenario = load_scene("absorbing_wall").with_(keys).scenario()
-        bottom = scenario.lattice.positions[:, 1].min()
-        edges = (-half - 0.05, half + 0.05, bottom - 0.05, 2.0 + scenario.gap)
-        assert scenario.view == pytest.approx(edges)
-    oblique = {"lattice.points": 60, "impact.angle": -0.5}
-    scenario = load_scene("exponential_wall").with_(oblique).scenario()
-    along = 3.0 * scenario.gap * np.tan(-0.5)
-    assert scenario.view == pytest.approx((along - 1.1, 1.1, -0.1, 2.0 + scenario.gap))
+def test_the_film_of_a_narrow_wall_shows_the_whole_disk():
+    keys = {"wall.width": 1.0, "wall.points": 80, "lattice.points": 60}
+    view = load_scene("absorbing_wall").with_(keys).scenario().view
+    assert view[:2] == pytest.approx((-1.15, 1.15))
 
 
 def time_to_end(scenario, **values):

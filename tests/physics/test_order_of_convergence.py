@@ -2,8 +2,7 @@
 on the same lattice.
 
 The order is log2 of the ratio of the largest position errors after a fixed time at the
-steps h and h/2. The whole state is compared, not only e, so no error can hide in an
-average.
+steps h and h/2. The whole state is compared, so no error hides in an average.
 """
 
 from dataclasses import replace
@@ -28,8 +27,7 @@ VV = VELOCITY_VERLET
 
 
 class Rough(reference.Model):
-    """While every point slides to the right, friction is -mu times the push: a smooth
-    force, which SciPy takes."""
+    """While every point slides to the right, friction is -mu times the push."""
 
     def wall_force(self, x):
         force = super().wall_force(x)

@@ -108,8 +108,7 @@ def test_the_walls_stiffness_is_bounded_by_the_force_on_a_point(wall, masses):
 
 
 def swings(omega, rate, h):
-    """Return the largest |x| in 4000 steps of x'' = -omega^2 x - rate x' with a
-    predicted dashpot velocity."""
+    """Return the largest |x| in 4000 steps of x'' = -omega^2 x - rate x'."""
     x = 1.0
     v = 0.5 * h * omega**2
     a = -(omega**2)
@@ -167,8 +166,7 @@ def test_forces_on_a_point_are_known_as_well_as_step_margins_need(a, speed, kern
     settings += (f"impact.velocity={speed}",)
     scenario, outcome = computed(kernels, "exponential_wall", *settings, estimate=False)
     integrator = INTEGRATORS[outcome.summary["integrator"]]
-    # The wall's stiffness a F contributes at most all of omega^2, and the step depends
-    # on its root.
+    # The wall's stiffness a F is at most all of omega^2, whose root sets the step.
     peak = outcome.largest_force
     limits = spectrum(scenario.lattice, scenario.model)
     assert 0.4 < peak / scenario.point_force < (LIMIT_MARGIN / 0.8) ** 2

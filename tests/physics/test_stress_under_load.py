@@ -55,8 +55,7 @@ def test_the_contact_is_as_wide_as_hertz_says():
     assert 2.0 * np.sqrt(
         np.average((place - middle) ** 2, weights=push)
     ) == pytest.approx(b, rel=0.03)
-    # The stress just inside the contact scatters by some per cent among the springs of
-    # 8,800 random points.
+    # The stress just inside the contact scatters by some per cent.
     inner = np.hypot(x[:, 0] - middle, x[:, 1] - x[:, 1].min()) < 0.5 * b
     tiles = Triangles(disk)
     near = inner[disk.triangles].all(axis=1)
@@ -72,8 +71,7 @@ def test_the_contact_is_as_wide_as_hertz_says():
 
 
 def _hertz(x, z):
-    """Return the vertical pressure over its peak at (x, z) half widths, by the line
-    loads of the ellipse (Flamant)."""
+    """Return the pressure over its peak at (x, z) half widths, by Flamant's loads."""
     s = np.linspace(-1.0, 1.0, 4001)
     load = np.sqrt(1.0 - s**2)
     d = x[:, None] - s

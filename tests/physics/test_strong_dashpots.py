@@ -53,8 +53,7 @@ def test_a_disk_that_spins_beside_strong_dashpots_meets_its_estimate(
     ],
 )
 def test_the_balance_of_linear_damped_springs_is_always_exact(mass, stretch, kernels):
-    # Leapfrog conserves E - h^2/(8 m) f.F, whose second term is 0 when the body is at
-    # rest in the end.
+    # Leapfrog conserves E - h^2/(8 m) f.F, whose second term is 0 at rest.
     masses = np.array([mass, 1.0 - mass])
     rod = Lattice(
         positions=np.array([[-0.5, 0.0], [0.5, 0.0]]),

@@ -149,8 +149,7 @@ def test_subdomains_on_any_number_of_cores_move_as_one_core_without_them_does(na
     assert cut.peak_point_force() == pytest.approx(
         serial.peak_point_force(), rel=1e-9, abs=1e-12
     )
-    # A saved state continues bitwise in any number of launches, and one thread gives
-    # the same bits as all cores.
+    # A saved state goes on bitwise, in any number of launches and of threads.
     before = cut.snapshot()
     expected = cut.advance(20, 10)[0]
     cut.restore(before)

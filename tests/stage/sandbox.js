@@ -162,7 +162,7 @@ function record() {
     show({ aimed: null, paused: false, atStart: false });
     showState({ number: 2, t: 1.3, centre: [0.22, 0.9], graph: [6e-4, 1e-4, 0.01, -0.03] });
   });
-  look("in contact, with all options", () => {
+  step("in contact, with all options", () => {
     for (const id of ["outline", "path"]) get(id).checked = true;
     show(withValue("video.magnify", 3));
     showState(squeezed);
@@ -193,7 +193,7 @@ function record() {
     window.devicePixelRatio = 1.5;
     resize();
   });
-  look("a narrower one, dark", () => {
+  step("a narrower one, dark", () => {
     size("disk", 300, 500);
     window.devicePixelRatio = 1;
     show(withValue("video.theme", "dark"));

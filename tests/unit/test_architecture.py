@@ -22,16 +22,14 @@ def nodes_of_files():
 
 
 def test_files_and_the_top_folder_stay_small():
-    # Content is the number of nodes of a file's syntax tree: what a reader has to
-    # understand, however the lines are broken.
+    # Content: the nodes of a file's syntax tree, however its lines are broken.
     content = {str(path): len(found) for path, found in nodes_of_files().items()}
     assert {path: n for path, n in content.items() if n > MAX_CONTENT} == {}
     assert len(list(PACKAGE.glob("*.py"))) <= 5
 
 
 def test_every_package_is_in_an_installation():
-    # An editable installation has all packages, even if the list misses some. (The
-    # scene files are a package without a folder.)
+    # An editable installation has all packages, even if the list misses some.
     folders = {path.parent.relative_to(ROOT) for path in PACKAGE.rglob("__init__.py")}
     listed = (
         (ROOT / "pyproject.toml").read_text().split("\npackages = [")[1].split("]")[0]

@@ -94,8 +94,9 @@ def test_a_file_of_the_user_with_the_name_of_yaml_is_named(tmp_path):
     file = tmp_path / "yaml.py"
     file.write_text("")
     program = "from taichi_disk import load_scene"
-    done = python("-c", program, cwd=tmp_path)
-    assert f"'BaseLoader' from 'yaml' ({file})" in done.stderr
+    for done in (python("-c", program, cwd=tmp_path), command("check", cwd=tmp_path)):
+        assert f"'BaseLoader' from 'yaml' ({file})" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
 
 
 def test_an_environment_below_a_folder_of_pythonpath_is_not_foreign(monkeypatch):

@@ -6,8 +6,7 @@ are kept.
 
 Scenes are drawn by number (`random_scenes`), and `truth` has their results. A result
 cannot be judged if its true value is uncertain by more than a tenth of the claimed
-error; in a chaotic impact the claim has failed, if shorter steps change the result by
-more than it.
+error; in a chaotic impact the claim has then failed.
 """
 
 import argparse
@@ -111,8 +110,7 @@ def judge(number, kind="plain", tolerance=False):
 
 def finest_results(outcome, primary, doubtful):
     """Return each result and its uncertainty at a 32nd of the step, or at a 128th if
-    the uncertainty of the result `primary` exceeds `doubtful`. Empty if that takes too
-    long."""
+    that of `primary` exceeds `doubtful`. Empty if that takes too long."""
     truth = {}
     work = outcome.summary["steps"] * len(outcome.scenario.lattice.bonds)
     for finest in (32, 128):

@@ -1,5 +1,4 @@
-"""Hard cases: scenes at and beyond the limits of the model, and how the program should
-end each.
+"""Hard cases: scenes at and beyond the limits of the model, and how each should end.
 
 Each ends in one of three ways: done, with a closed energy balance; stopped, with a
 reason and a remedy; refused before anything is computed. The tests check every case.
@@ -54,8 +53,7 @@ def judge(prepare, **options):
 
 @dataclass(frozen=True)
 class Case:
-    """A scene with `settings`, possibly another body or a changed start, and how it
-    should end.
+    """A scene with `settings`, perhaps another body or start, and how it should end.
 
     `tells`: regular expression that the message or the warnings must contain; if empty,
     there must be none. If it mentions an imbalance, the balance need not close. `e`:

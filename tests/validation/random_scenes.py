@@ -88,8 +88,7 @@ def tolerance_of(number):
 def wild_scene(number):
     """Return a scene that may use every key of a scene file.
 
-    It covers six decades of k_a, five of eta*, five of the walls' hardness, twelve of
-    their strength, four of speed.
+    Six decades of k_a, five of eta* and of hardness, twelve of V0, four of speed.
     """
     draw = Draw(20, number)
     rng = draw.rng
@@ -254,8 +253,7 @@ def feature_scene(number):
 def chaotic_scene(number):
     """Return an impact whose e depends on the last digits of its start in many cases.
 
-    N 25 to 60 on a hard, soft-springed elastic wall with resets, v 0.1 to 0.2, no
-    dashpots.
+    N 25 to 60 on a hard, soft-springed wall with resets, v 0.1 to 0.2, no dashpots.
     """
     draw = Draw(37, number)
     rng = draw.rng

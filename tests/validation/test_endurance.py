@@ -80,8 +80,7 @@ def test_steps_above_the_limit_alone_blow_up(integrator, eta_star, pressed, kern
             lattice = replace(lattice, positions=at_rest(lattice, model))
             point_force = WALL.forces(lattice, lattice.positions).max()
         limit = step_limit(spectrum(lattice, model), model, integrator, point_force)
-        # The disk is so slow that forces stay linear; the limits refer to linear
-        # frequencies.
+        # The disk is so slow that forces stay linear, as the limits take them.
         start = (lattice, model, integrator, 1e-6 * np.sqrt(k_a) * random_velocities(0))
         below = kernels.simulation(*start, 0.98 * limit)
         assert growth(below, 100_000) < BOUNDED

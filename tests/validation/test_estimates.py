@@ -18,8 +18,7 @@ SMALL = [
 LONG = {4, 7}
 AGREEING = [390, 395, 458]  # e at a step and at half of it agree by chance
 HARD_WALLS = [1098, 1282]  # e at a step and at 0.8 or half of it agree by chance
-# the same with points that slide; in the last one, e at a quarter of the step agrees,
-# too
+# the same with points that slide; in the last one, e at a quarter of the step, too
 SLIDING = [1202, 1596, 2056]
 
 

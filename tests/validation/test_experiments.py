@@ -47,8 +47,7 @@ def test_the_continuum_at_finite_strain_tends_to_the_exact_law_within_2_percent(
     finite = experiment("finite_strain")
     for pressure, excess in ((1e-6, 0.0), (4e-3, 0.0127), (1e-2, 0.0227)):
         law = exact_compression(pressure, 1.1, finite.POISSON)
-        # The mesh is half as fine as for the published results, which takes an eighth
-        # of the time.
+        # The mesh is half as fine as for the published results: an eighth of the time.
         found = finite.finite_compression(pressure, 1.1, rays=16)
         assert found / law - 1.0 == pytest.approx(excess, abs=1e-3)
 
@@ -83,8 +82,7 @@ def impact(**settings):
 
 
 def from_equation_4(points, a, eta_star, velocity):
-    """Return how much e lies above eq. (4), integrated, and the contact time over that
-    of eq. (4) minus 1."""
+    """Return e minus that of eq. (4), and the contact time over that of (4) minus 1."""
     e, contact_time = impact(points=points, a=a, eta_star=eta_star, velocity=velocity)
     tau0 = eta_star * experiment("contact_viscosity").contact_viscosity(points, 0, a)
     # E of 16 stretched samples of 17,600 points: +- 0.2 %
@@ -95,8 +93,7 @@ def from_equation_4(points, a, eta_star, velocity):
 @LONG
 @pytest.mark.usefixtures("kernels")
 def test_strongly_damped_impacts_tend_to_equation_4():
-    # eta, not eta*, is the same, so eta* grows with N. At N = 4396 the deviation is 2
-    # %.
+    # eta is the same, so eta* grows with N. At N = 4396 the deviation is 2 %.
     coarse = np.abs(from_equation_4(1099, 300.0, 100.0, 7.5e-3))
     fine = np.abs(from_equation_4(4396, 12000.0, 400.0, 7.5e-3))
     assert (fine < [0.02, 0.03]).all()

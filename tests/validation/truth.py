@@ -14,8 +14,7 @@ from taichi_disk.experiments.computation.error_estimate import measured
 from taichi_disk.experiments.computation.outcome import compute
 from taichi_disk.studies.accuracy.steps import reference_state
 
-# rows of a true result over rows of a run, to reduce the error of values between two
-# rows
+# rows of a true result over rows of a run, against errors between two rows
 ROWS = 8
 ROUGH = 0.3  # decay lengths per step from which the true result itself may be uncertain
 
@@ -53,8 +52,7 @@ def true_result(scenario, outcome, tolerance):
     # Speed far from the wall; its potential at the start is 1e-7 of the kinetic energy,
     # or 5e-8 of e.
     far = np.sqrt(speed**2 + 2.0 * wall.energy(lattice, lattice.positions))
-    # Go on until the wall's potential has fallen by e^3: at the end of the run it is
-    # small, but not zero.
+    # Go on until the wall's potential, small but not zero, has fallen by e^3.
     t = outcome.series["t"][-1]
     v = outcome.series["com_vy"][-1]
     stop = t + min(3.0 / (wall.a * v), 0.3 * t)
@@ -64,8 +62,7 @@ def true_result(scenario, outcome, tolerance):
         found = reference_state(lattice, model, start, stop, rtol)
         return found[1, : lattice.disk_points, 1].mean() / far
 
-    # The elastic wall's force jumps when a point passes to another spring, so errors
-    # follow no order.
+    # The elastic wall's force jumps from spring to spring, so errors have no order.
     elastic = model.elastic is not None
     rtol = max(1e-12, (1e-8 if elastic else 1e-4) * tolerance)
     tight = solved(rtol)

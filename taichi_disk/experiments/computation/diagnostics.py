@@ -156,8 +156,8 @@ def _at_rest(scenario: Scenario, columns: Columns) -> str:
     if made >= asked:
         return ""
     return (
-        f"{made} of {asked} bounces: then the disk stayed on the wall, because its"
-        " energy does not suffice to lift it to the height of its start"
+        f"{made} of {asked} bounces: then the energy of the disk did not suffice to"
+        " lift it to the height of its start, and a lower bounce does not count"
     )
 
 

@@ -11,6 +11,7 @@ import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -142,13 +143,18 @@ class _Loader(BaseLoader):  # a BaseLoader keeps scalars as text
         return super().compose_node(parent, index)
 
 
+@lru_cache(maxsize=128)  # a program reads the same scenes again and again
+def _composed(text: str) -> yaml.Node | None:
+    return _Loader(text).get_single_node()
+
+
 def parse(text: str, source: Mark, path: Keys = ()) -> Tree:
     """Parse YAML `text`, whose values belong at `path`. Unreadable values are None and
     listed in the tree's faults."""
     tree = Tree()
     where = source
     try:
-        node = _Loader(text).get_single_node()
+        node = _composed(text)
         if node:
             tree.value = _value(node, path, None, tree, source)
         return tree
@@ -334,7 +340,8 @@ def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
         known = shipped_scenes()
         hint = did_you_mean(path.stem, known) or "."
         raise InputError(
-            f"{label}: no such file{hint} The shipped scenes are {', '.join(known)}"
+            f"{label}: no such file{hint} The shipped scenes are"
+            f" {', '.join(known) or 'missing, as in a zip file: install the program'}"
         ) from None
     except (OSError, ValueError) as error:
         raise InputError(f"{label}: cannot be read: {reason(error)}") from None

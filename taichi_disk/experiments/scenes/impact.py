@@ -88,7 +88,7 @@ MEASURED = {
     **dict.fromkeys(LATER, "as restitution, of a later bounce"),
     "contact_time": (
         f"first to last time that the wall's force is {CONTACT_LEVEL:g} of its peak"
-        " [R/c]"
+        " [R/c]; of several bounces that of the first"
     ),
     **oblique.MEASURED,
     "vibration_left": (
@@ -171,7 +171,8 @@ class ImpactScene(DiskScene):
         if self.impact.gravity and (self.is_oblique or not shape.is_round):
             raise InputError(
                 "impact.gravity: only round bodies bounce, thrown straight down without"
-                " spin at a wall without friction: write gravity: 0, or change the rest"
+                " spin at a wall without friction: write gravity: 0, bounces: 1 and"
+                " drop: 0, or change the rest"
             )
         gap, lattice = self._placed(body, shape)
         model = self.model_of(lattice, springs)
@@ -470,13 +471,13 @@ class ImpactScenario(Scenario):
         whole = energies["kinetic"][0]
         shares = {name: 100.0 * one[-1] / whole for name, one in energies.items()}
         parts = [
-            f"{BY_NAME[name].label} took {shares[name]:.2g} %"
+            f"{BY_NAME[name].label} took {shares[name]:.3g} %"
             for name in reversed(of_kind("loss"))
             if shares[name] > LEAST_SHARE
         ]
         ringing = shares["vibration"] + shares["elastic"]
         if ringing > LEAST_SHARE:
-            parts.append(f"{ringing:.2g} % still rings")
+            parts.append(f"{ringing:.3g} % still rings")
         if parts:
             text += f". Of the energy, {', '.join(parts)}"
         return f"{text}."

@@ -426,7 +426,7 @@ def _value(kind: str, path: Keys, value: Any, tree: Tree, kinds: Kinds) -> Any:
     if key is None:
         tree.fault(entry.key, path, _unknown(kind, path, kinds, tree))
     elif not key.accepts(value):
-        hint = did_you_mean(value, key.words or ("none",))
+        hint = did_you_mean(value, key.words)
         if isinstance(value, str) and not value.isprintable():
             hint = f"; {QUOTES}"
         if isinstance(value, list) and len(value) > 1:

@@ -76,7 +76,10 @@ def check_body(x: Array, max_offset: float) -> None:
         )
     least = _MIN_DISTANCE * hexagonal_spacing(len(x))
     for i, j in sorted(cKDTree(x).query_pairs(least)):
-        raise InputError(f"points {i} and {j} are the same, {shown_point(x[i])}")
+        raise InputError(
+            f"points {i} and {j} are the same, {shown_point(x[i])}: make them one (in"
+            " gmsh, Coherence Mesh does)"
+        )
 
 
 def checked_springs(springs: ArrayLike, n: int) -> Long:

@@ -463,7 +463,10 @@ def _stored(arrays: Arrays, origin: str) -> Lattice:
         if word in arrays and name not in arrays:
             arrays[name] = arrays.pop(word)
     if "t" in arrays:
-        raise InputError("it is a state of a run, whose lattice is in lattice.npz")
+        raise InputError(
+            "it is a state of a run, whose lattice is in lattice.npz; a run cannot be"
+            " continued from it"
+        )
     known = {*Lattice.__dataclass_fields__, "velocities", "unloaded", "wall_impedance"}
     for name in sorted(arrays.keys() - known):
         hint = did_you_mean(name, known)

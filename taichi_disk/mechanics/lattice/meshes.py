@@ -87,8 +87,8 @@ def _read(path: Path) -> Any:
 def _unreadable(fault: str) -> InputError:
     return InputError(
         f"meshio cannot read this file ({fault}): write its points as a table (.csv)"
-        " with the columns x and y, or give points and triangles to"
-        " Lattice.from_points"
+        " with the columns x and y, name a drawing (.svg) as lattice.outline, or give"
+        " points and triangles to Lattice.from_points"
     )
 
 

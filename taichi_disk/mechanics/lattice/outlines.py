@@ -43,7 +43,7 @@ _MAX_TIP = 3.0
 _CORNER = 0.5  # an outline that turns by more has a corner [rad]
 _ROUGHNESS = 0.25  # an outline has no features smaller than this, in springs
 _MAX_GAP = 3.0  # from the last point of a path to its first, in longest sides
-_CURVE = np.linspace(0.0, 1.0, 33)  # places along a curve of a drawing
+_CURVE = np.linspace(0.0, 1.0, 65)  # places along a curve, which may be a whole drop
 # svgelements draws the content of these where no viewer shows it.
 _MISPLACED = ("svg", "symbol", "marker", "mask")
 
@@ -67,7 +67,9 @@ def read_outline(path: Path) -> list[Array]:
         is_path = isinstance(shape, svgelements.Shape)
         if not is_path or shape.values.get("visibility") == "hidden":
             continue
-        for part in abs(svgelements.Path(shape) * ~scale).as_subpaths():
+        outline = abs(svgelements.Path(shape) * ~scale)
+        outline.approximate_arcs_with_cubics()  # an arc may be long: of 36° at most
+        for part in outline.as_subpaths():
             sides = [side.npoint(_CURVE) for side in part][1:]
             if sides:
                 paths.append(np.concatenate(sides) * [1.0, -1.0])

@@ -54,12 +54,12 @@ _LABEL_SIZE = 1.5  # size of a comparison's differing keys, relative to the titl
 
 def check_target(path: Path) -> None:
     """Raise InputError unless the suffix of `path` is a format, or `path` is a folder
-    of pictures or does not exist."""
-    if path.suffix not in FORMATS:
+    of pictures or does not exist; plot.png would replace the curves of a run."""
+    if path.suffix not in FORMATS or path.name == "plot.png":
         raise InputError(
             f"cannot film into {path}: end the name with .mp4, .webm or .gif for a"
             " film, .html for an interactive film, .png for one picture, or nothing"
-            " for a folder of numbered pictures"
+            " for a folder of numbered pictures; plot.png is the name of curves"
         )
     if not path.suffix:
         if Path.cwd().is_relative_to(path.resolve()):

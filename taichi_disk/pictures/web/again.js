@@ -13,13 +13,6 @@ function mapped(value, from, to) {
   return to[k] + ((value - from[k]) / (from[k + 1] - from[k])) * (to[k + 1] - to[k]);
 }
 
-// Return the round number nearest to a value; `steps`: those from 1 to 10.
-function roundNear(value, steps) {
-  const decade = 10 ** Math.floor(Math.log10(Math.max(value, 1e-12)));
-  const distance = (step) => Math.abs(Math.log((step * decade) / value));
-  return decade * steps.reduce((best, step) => (distance(step) < distance(best) ? step : best));
-}
-
 const largest = (list) => list.reduce((most, one) => Math.max(most, Math.abs(one)), 0);
 const fixed = (value) => value.toFixed(2).replace("-", "−").replace("−0.00", "0.00");
 const signed = (value) => (value >= 0.005 ? `+${fixed(value)}` : fixed(value));
@@ -76,8 +69,12 @@ export class Again {
     return t < 0 ? 1 - t / times[0] : Math.min(1 + t / times[2], times.length - 1);
   }
 
+  // Return the round number nearest to a value.
   round(value) {
-    return roundNear(value, this.disk.rules.roundNumbers);
+    const decade = 10 ** Math.floor(Math.log10(Math.max(value, 1e-12)));
+    const distance = (step) => Math.abs(Math.log((step * decade) / value));
+    const nearer = (one, other) => (distance(other) < distance(one) ? other : one);
+    return decade * this.disk.rules.roundNumbers.reduce(nearer);
   }
 
   at(t) {

@@ -301,6 +301,8 @@ async function play() {
   let isVisible = true;
   let isUsed = window.top === window;
 
+  const saved = document.querySelectorAll("#disks figure, #line button, .slider, .choice"); // by a browser
+  saved.forEach((one) => one.remove());
   const panes = runs.map((run) => paneOf(run, ui.disks));
   const all = (act) => panes.forEach(({ drawing }) => act(drawing));
   const view = {
@@ -322,6 +324,7 @@ async function play() {
 
   // Show the states of `recordings`, one in each pane, with dotted curves of a throw before.
   function take(recordings, earlier) {
+    const automatic = panes[0].recording?.magnify ?? settings.magnify;
     panes.forEach((pane, k) => {
       const recording = recordings[k];
       const words = recording.title ?? pane.run.scene.title;
@@ -330,7 +333,7 @@ async function play() {
       pane.recording = recording;
       pane.drawing.scene.wall.edge = recording.edge;
     });
-    settings.magnify = recordings[0].magnify;
+    if (settings.magnify === automatic) settings.magnify = recordings[0].magnify;
     curves = new Curves(ui.curves, ui.names, head, recordings[0], earlier);
   }
 
@@ -354,7 +357,7 @@ async function play() {
       drawing.draw({ ...state, ...limits });
     }
     curves.draw(at, settings.theme, scene.themes[settings.theme]);
-    if (throws && words[1].startsWith("*")) throws.judge(main.flight.restitution);
+    if (throws && words[1].startsWith("*")) throws.judge(main.flight);
     ui.moment.value = place;
     ui.moment.ariaValueText = words.filter(Boolean).map(bare).join(", ");
   }
@@ -408,13 +411,14 @@ async function play() {
     (key, value) => {
       const { options, low, high } = specs.find((spec) => spec.key === key);
       settings[key] = options ? value : Math.min(Math.max(value, low), high);
-      ui.refused.textContent = "";
+      const beyond = `${value} is beyond the slider: ${settings[key]}.`;
+      ui.refused.textContent = settings[key] === value ? "" : beyond;
       change();
     },
     (text) => (ui.refused.textContent = text),
   );
   ui.looking.open = matchMedia("(min-width: 960px) and (min-height: 601px)").matches;
-  ui.silent.remove();
+  ui.silent?.remove();
   document.querySelector("main").ariaBusy = false;
   ui.moment.max = last;
   for (const [moment, name] of head.marks) {

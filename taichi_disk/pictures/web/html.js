@@ -20,9 +20,7 @@ export function elements(root) {
 
 // Return the states of the check boxes in `root` by their ids.
 export function checked(root) {
-  return Object.fromEntries(
-    [...root.querySelectorAll("input")].map((one) => [one.id, one.checked]),
-  );
+  return Object.fromEntries([...root.querySelectorAll("input")].map((one) => [one.id, one.checked]));
 }
 
 // Return texts by their names, stored as long as the tab is open; a frame may forbid to store any.

@@ -46,15 +46,12 @@ export function arrow(ctx, foot, tip, thickness, colour, rim) {
   const wing = Math.min(4 * thickness, 0.4 * length) / length;
   const end = (side) => [tip[0] - wing * (dx + side * dy), tip[1] - wing * (dy - side * dx)];
   const head = [end(0.6), tip, end(-0.6)];
-  drawArrow(ctx, [foot, tip], head, rim, thickness + 2);
-  drawArrow(ctx, [foot, tip], head, colour, thickness);
-}
-
-function drawArrow(ctx, shaft, head, ink, thickness) {
-  line(ctx, shaft, ink, thickness);
-  line(ctx, head, ink, thickness);
-  ctx.fillStyle = ink;
-  ctx.fill();
+  for (const [ink, width] of [[rim, thickness + 2], [colour, thickness]]) {
+    line(ctx, [foot, tip], ink, width);
+    line(ctx, head, ink, width);
+    ctx.fillStyle = ink;
+    ctx.fill();
+  }
 }
 
 // Return where things stand below the disk, for a picture of this size [px]: the height of all;

@@ -115,9 +115,7 @@ class Axes {
 
   // Return the curve of a function of the load.
   curve(value) {
-    const loads = Array.from({ length: 41 }, (_, k) => {
-      return this.least * (this.most / this.least) ** (k / 40);
-    });
+    const loads = Array.from({ length: 41 }, (_, k) => this.least * (this.most / this.least) ** (k / 40));
     return loads.map((load) => [this.across(load), clipped(this.up(value(load)))]);
   }
 
@@ -219,10 +217,8 @@ export function showResults(table, results) {
     for (const one of set.rows) colours.set(one, set.colours);
   }
   const rows = results.map((one, k) => {
-    const cells = keys.map((key) => {
-      const text = written(key, one[key], one.result);
-      return element("td", { title: one[key] ?? "" }, text);
-    });
+    const cell = (key) => element("td", { title: one[key] ?? "" }, written(key, one[key], one.result));
+    const cells = keys.map(cell);
     cells[0].style = inks(...colours.get(one));
     const name = { ariaLabel: `remove the result ${written("value", one.value, one.result)}` };
     const remove = element("button", name, "×");

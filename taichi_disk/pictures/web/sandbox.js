@@ -67,10 +67,7 @@ export class Sandbox {
     this.controls = new Controls(
       (key) => node.querySelector(`[data-keys~="${key}"]`) ?? ui.others,
       (key, value) => this.set(key, value),
-      (text) => {
-        this.shownMessage = null; // the next right number takes it away
-        this.say(text);
-      },
+      (text) => this.say(text),
     );
     followPointers(
       ui.disk,
@@ -187,6 +184,7 @@ export class Sandbox {
 
   set(key, value) {
     if (key === "video.theme") this.chooseTheme(value);
+    this.shownMessage = null; // this number takes away what was said about another
     this.send({ do: "set", key, value });
   }
 

@@ -76,8 +76,7 @@ export function showScenes(parent, playlist, number) {
       if (group) parts.push(element("h3", {}, group));
       parts.push(cards);
     }
-    const words = element("span", {}, element("b", {}, card.name));
-    words.append(element("small", {}, card.question));
+    const words = element("span", {}, element("b", {}, card.name), element("small", {}, card.question));
     const entry = element("button", { ariaCurrent: k === number }, words);
     if (card.kind) entry.prepend(sketch(card));
     entry.dataset.play = k;

@@ -29,6 +29,7 @@ function readAddress(address) {
   const link = address.replace(/^[^#]*?%23([^&=]*)(&.*)?$/s, "#$1").replace("%23", "#");
   const end = link.slice(link.indexOf("#") + 1).replace(/[>)\]"'”»]+\s*$/, "");
   const unread = end.length > LONGEST ? [`what follows ${LONGEST} letters`] : [];
+  if (end.trim().endsWith("&")) unread.push("what followed the last &");
   // URLSearchParams decodes, without an error for what is no code.
   const text = end.slice(0, LONGEST).replace(/[&+]/g, encodeURIComponent);
   const parts = new URLSearchParams(`all=${text}`).get("all").split(BETWEEN);
@@ -45,22 +46,22 @@ function readAddress(address) {
 }
 
 // Attributes: rows, of all throws; goal: part of its speed with which the disk is to come back, or 0;
-// shown: numbers of the throw that the film shows; e: of this throw, once the film has shown it.
+// asked: numbers of the last throw; flight: that of the film, once it has shown its e.
 export class Throws {
   // `take` is called with each throw, which the film then shows
   constructor(ui, film, scene, take) {
     const { sliders, velocity: v, eta_star: eta, goal } = film.again;
     Object.assign(this, { ui, film, take, disk: diskOf(film.again, scene), own: { v, eta, goal: Number(goal) || 0 } });
-    this.shown = this.own;
     this.tell = (text) => (ui.told.textContent = text);
     this.place = `taichi-disk throws ${ui.states.textContent.slice(-12)}`; // of this film's in the store
     this.rows = JSON.parse(store[this.place] ?? "[]");
     this.numbers = NUMBERS.map(({ of, ...one }) => {
       const all = [...sliders[of], this.own[one.key]];
-      return { ...one, low: Math.min(...all), high: Math.max(...all) };
+      return { ...one, low: Math.min(...all), high: Math.max(...all), meaning: "of the throw", live: true };
     });
-    const set = (key, value) => this.tell(this.want({ ...this.wanted, [key]: value }));
-    this.sliders = new Controls(() => ui.numbers, set, this.tell);
+    this.refuse = (text) => (ui.unread.textContent = text); // which stays, unlike what is told
+    const set = (key, value) => this.refuse(this.want({ ...this.wanted, [key]: value }));
+    this.sliders = new Controls(() => ui.numbers, set, this.refuse);
     ui.throws.hidden = ui.list.hidden = false;
     document.querySelector("main").classList.add("throws");
     ui.throw.onclick = () => this.throw(true);
@@ -68,12 +69,12 @@ export class Throws {
       this.end();
       this.tell("Stopped: Throw begins again.");
     };
-    ui.link.onclick = () => this.copyLink();
-    ui.task.onclick = () => this.set(this.goal ? 0 : readNumber(ui.share.value) / 100 || USUAL_GOAL);
+    ui.link.onclick = () => this.copyLink(this.link(this.wanted));
+    ui.task.onclick = () => this.set(this.goal ? 0 : readNumber(ui.share.value) / 100, true);
     ui.share.onchange = () => {
       const text = ui.share.value;
-      const fault = this.set(readNumber(text.replace("%", "")) / 100);
-      if (fault) this.tell(`“${text.slice(0, 40)}” is no goal: write a number from 1 to 100.`);
+      const fault = this.set(readNumber(text.replace("%", "")) / 100 || NaN, true);
+      this.refuse(fault && `“${text.slice(0, 40)}” is no goal: write a number from 1 to 100.`);
     };
     ui.copy.onclick = () => copy(asText(ui.table, "\t"), this.tell, COPIED);
     ui.addresses.onchange = () => this.collect();
@@ -83,6 +84,7 @@ export class Throws {
     };
     ui.list.ontoggle = () => this.showList();
     window.onhashchange = () => this.obey();
+    this.set(this.own.goal || USUAL_GOAL); // which Task brings back, until another was set
     this.obey();
   }
 
@@ -91,11 +93,11 @@ export class Throws {
     const { numbers: asked } = readAddress(location.search.slice(1)); // courses add words of their own there
     const { numbers, faults } = readAddress(location.hash);
     const wanted = { ...this.own, ...asked, ...numbers };
-    const beyond = this.want(wanted);
-    this.set(this.own.goal);
+    this.refuse(this.want(wanted));
     const noGoal = this.set(wanted.goal);
+    if (noGoal) this.set(this.own.goal);
     this.throw();
-    this.tell([...faults, beyond, noGoal].join(" ").trim());
+    this.tell([...faults, noGoal].join(" ").trim());
   }
 
   // Return sentences about numbers beyond the sliders.
@@ -109,36 +111,41 @@ export class Throws {
   want(numbers) {
     const clipped = ({ key, low, high }) => [key, Math.min(Math.max(numbers[key], low), high)];
     this.wanted = Object.fromEntries(this.numbers.map(clipped));
-    const live = { meaning: "of the throw", live: true };
-    this.sliders.show(this.numbers.map((one) => ({ ...one, ...live, value: this.wanted[one.key] })));
+    this.sliders.show(this.numbers.map((one) => ({ ...one, value: this.wanted[one.key] })));
     return this.beyond(numbers);
   }
 
-  // Set the task, or none for 0. Return, and tell, a sentence if it is no task.
-  set(goal) {
+  // Set the task, or none for 0. Return a sentence if it is no task. `isNew`: the address shall say so.
+  set(goal, isNew) {
     const { ui } = this;
-    const isGoal = goal >= 0 && goal <= 1;
+    const isGoal = goal === 0 || (goal >= 0.01 && goal <= 1);
     if (isGoal) this.goal = goal;
     const share = goal > 1 && goal <= 100 ? goal : 100 * USUAL_GOAL;
     ui.goal.hidden = !this.goal;
     if (this.goal) ui.share.value = digits(100 * this.goal); // else the last one stays there
     ui.task.textContent = this.goal ? "Clear task" : "Task";
     this.judge();
-    return this.tell(isGoal ? "" : `${digits(goal)} is no goal: write ${digits(share / 100)}, or ${digits(share)} %.`);
+    if (isNew) this.write();
+    return isGoal ? "" : `${digits(goal)} is no goal: write ${digits(share / 100)}, or ${digits(share)} %.`;
   }
 
-  // The end of the address of a throw.
-  get link() {
-    const { wanted, goal, own } = this;
-    const task = goal || own.goal ? `&goal=${goal || "none"}` : "";
-    return `#v=${wanted.v}&eta=${wanted.eta}${task}`;
+  // Return the end of the address of a throw.
+  link({ v, eta }) {
+    const { goal, own } = this;
+    const task = goal || own.goal ? `&goal=${goal ? digits(goal) : "none"}` : "";
+    return `#v=${v}&eta=${eta}${task}`;
   }
 
-  copyLink() {
+  // Write the last throw into the address; in some frames it cannot be written.
+  write() {
+    if (location.protocol !== "about:") history.replaceState(null, "", this.link(this.asked));
+  }
+
+  copyLink(link) {
     const isShared = /^https?:$/.test(location.protocol);
     const page = isShared ? location.href.split("#")[0] : "";
-    const other = `Copied ${this.link}: send the file, too. Whoever opens it adds this to the end of its address.`;
-    copy(page + this.link, this.tell, isShared ? "Copied: send it, or open it." : other);
+    const other = `Copied ${link}: send the file, too. Whoever opens it adds this to the end of its address.`;
+    copy(page + link, this.tell, isShared ? "Copied: send it, or open it." : other);
   }
 
   // Show how much of a throw is done, from 0 to 1; nothing: the page does not throw.
@@ -169,7 +176,7 @@ export class Throws {
       duration += performance.now() - start;
       if (!next.done && performance.now() > began + PATIENCE) this.show(next.value);
       await new Promise((done) => {
-        port1.onmessage = done;
+        window.onpageshow = port1.onmessage = done; // Firefox drops the message if the page is left
         port2.postMessage(null);
       });
       if (this.job !== job) return null;
@@ -183,31 +190,32 @@ export class Throws {
     return one;
   }
 
-  // Throw the disk. `isNew`: the address shall say so; in some frames it cannot.
+  // Throw the disk. `isNew`: the address shall say so.
   async throw(isNew) {
-    const { ui, wanted, link } = this;
+    const { ui, wanted } = this;
+    this.asked = wanted;
     this.tell("");
     const one = await this.thrown(wanted);
     if (!one) return;
-    this.shown = wanted;
-    this.judge(0);
+    this.judge(null);
     this.take(one);
     const { flight, folded, duration } = one;
     const steps = Math.round(flight.rows[flight.end].t / flight.dt).toLocaleString("en");
     ui.steps.textContent = `${steps} steps in ${Math.round(duration)} ms, as run with velocity_verlet`;
     if (folded) this.tell(`${folded} triangles turned inside out: e means nothing. Throw slower.`);
-    if (isNew && location.protocol !== "about:") history.replaceState(null, "", link);
+    if (isNew) this.write();
     if (ui.addresses.value) this.collect();
   }
 
   // Show e, when the film does, and how near it comes to the task. Both stay until the next throw.
-  judge(e = this.e) {
-    this.e = e;
-    const { goal, ui, shown, numbers } = this;
-    const [speed, viscosity] = numbers;
+  judge(flight = this.flight) {
+    this.flight = flight;
+    const { restitution: e, speed: v, etaStar: eta } = flight ?? {};
+    const { goal, ui } = this;
+    const [speed, viscosity] = this.numbers;
     const isDone = Math.abs(e - goal) < DONE;
-    const more = [shown.eta < viscosity.high && "more viscosity", shown.v < speed.high && "a faster throw"];
-    const less = [shown.eta > viscosity.low && "less viscosity", shown.v > speed.low && "a slower throw"];
+    const more = [eta < viscosity.high && "more viscosity", v < speed.high && "a faster throw"];
+    const less = [eta > viscosity.low && "less viscosity", v > speed.low && "a slower throw"];
     const ways = (e > goal ? more : less).filter(Boolean).join(", or ") || "the sliders go no further";
     const advice = isDone ? ": the task is done ★" : `, too ${e > goal ? "large" : "small"}: ${ways}`;
     const result = e ? `e = ${e.toFixed(3)}` : "";
@@ -218,7 +226,8 @@ export class Throws {
   // Throw what the pasted addresses say, one after the other. What is ended follows the next throw.
   async collect() {
     const { ui } = this;
-    const lines = ui.addresses.value.split("\n").filter((line) => line.trim());
+    const links = ui.addresses.value.replace(/\s*\n(?=\s*&)|(?<=&|&amp;)\s*\n/g, ""); // a mail breaks them
+    const lines = links.split("\n").filter((line) => line.trim());
     ui.faults.textContent = "";
     for (const [k, line] of lines.entries()) {
       const { numbers, faults } = readAddress(line);

@@ -506,6 +506,8 @@ class Result(Outcome):
                 f"{folder}: {name} is {value!r} now, and {stored!r} in summary.json:"
                 " scene.yaml, summary.json or a version has been changed since the run"
             )
+        elif "lattices" in summary:
+            outcome.summary["lattices"] = summary["lattices"]
         return cls(**vars(outcome))
 
 

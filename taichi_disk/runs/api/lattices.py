@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.base.errors import by_kind, described
+from taichi_disk.base.errors import InputError, by_kind, described
 from taichi_disk.base.files import Summary
 from taichi_disk.base.progress import Progress
 from taichi_disk.experiments.computation.error_estimate import measured
@@ -15,6 +15,7 @@ from taichi_disk.experiments.computation.outcome import ESTIMATE_UP_TO, Outcome
 from taichi_disk.experiments.scenes import Scene
 from taichi_disk.experiments.scenes.setup import outcome_of
 from taichi_disk.mechanics.integrators import INTEGRATORS
+from taichi_disk.mechanics.lattice import file_digest
 
 MOST_LATTICES = 10_000
 # The default number of lattices, and the one for a relaxation or a tolerance, which
@@ -75,11 +76,12 @@ def default_count(outcome: Outcome) -> tuple[int, str]:
 
 
 def compare_lattices(
-    outcome: Outcome, count: int, progress: Progress, force: bool
+    outcome: Outcome, count: int, progress: Progress, force: bool, outline: str
 ) -> Summary:
     """Compute the results on `count` lattices, and return their statistics for
     summary.json. The seeds are consecutive and begin with the scene's.
 
+    `outline`: digest of the outline's file, from which all have to be made.
     Returns `seeds` and, for each result and `vibration_left`, `statistics_of` its
     values. Seeds without a result are left out. The warnings of the outcome's summary
     name them, and contain the warnings of other lattices.
@@ -94,6 +96,8 @@ def compare_lattices(
         sample = replace(scene, lattice=replace(scene.lattice, seed=seed))
         try:
             other = outcome_of(sample, force=force, estimate=False)
+            if file_digest(sample.lattice, "outline") != outline:
+                raise InputError("the file of the outline was changed during the run")
             results.append(measured(other.scenario, other.series))
             seeds.append(seed)
             warnings += other.summary["warnings"]

@@ -40,7 +40,7 @@ from taichi_disk.runs.output.run_folder import RunFolder
 FRAMES = 200  # default number of frames of a trajectory
 MOST_FRAMES = 100_000
 # keys of the summary that say why a file is missing, by stage
-ERRORS = {"export": "export_error", "film": "video_error"}
+ERRORS = {"export": "export_error", "film": "video_error", "plot": "plot_error"}
 
 
 class Work:
@@ -124,7 +124,7 @@ class Work:
         count, notes = lattice_count(outcome, lattices)
         if count > 1:
             summary["lattices"] = compare_lattices(
-                outcome, count, self.progress, options["force"]
+                outcome, count, self.progress, options["force"], self.digest
             )
             self.lap("lattices")
         lattice = scenario.lattice
@@ -242,7 +242,9 @@ class Work:
             try:
                 write()
             except Exception as error:
-                _note_failure(summary, stage, str(error) or repr(error))
+                text = str(error) or repr(error)
+                summary[ERRORS[stage]] = text
+                NOTICES.error(f"no {stage}: {text}")
             self.lap(stage)
         summary["video"] = folder.film()
         files.write_summary(path / "summary.json", summary)
@@ -268,18 +270,5 @@ def _film(path: Path, outcome: Outcome, artist: Artist, progress: Progress) -> N
         film(path / "video.html", [outcome], section, progress, artist)
         text = f"the film is video.html, a page for any browser, because {error}"
         NOTICES.info(text)
-        _add(outcome.summary, "notes", text)
-
-
-def _note_failure(summary: Summary, stage: str, text: str) -> None:
-    if stage in ERRORS:
-        summary[ERRORS[stage]] = text
-        NOTICES.error(text)
-        return
-    warning = f"there is no plot.png: {text}"
-    _add(summary, "warnings", warning)
-    NOTICES.warning(warning)
-
-
-def _add(summary: Summary, key: str, text: str) -> None:
-    summary[key] = [*summary.get(key, []), text]
+        notes = outcome.summary.get("notes", [])
+        outcome.summary["notes"] = [*notes, text]

@@ -50,10 +50,12 @@ class StoredRun(NamedTuple):
 
 
 def stored_run(folder: Path) -> StoredRun:
-    """Return the run that `folder` holds. Raises InputError if the folder holds
-    anything else, OSError if it cannot be listed."""
+    """Return the run that `folder` holds and may be replaced. Raises InputError if the
+    folder is write-protected or holds anything else, OSError if it cannot be listed."""
     names = []
     if folder.exists():
+        if not os.access(folder, os.W_OK):  # it could be moved aside, but not removed
+            raise InputError(f"{folder} is write-protected")
         names = files.listed(folder)
         names = [name for name in names if not UNFINISHED.fullmatch(name)]
     summary = files.read_summary(folder)

@@ -24,6 +24,7 @@ from taichi_disk.experiments.computation.words import Numbers
 from taichi_disk.experiments.scenes import Scene
 from taichi_disk.experiments.scenes.setup import outcome_of
 from taichi_disk.mechanics.integrators import INTEGRATORS
+from taichi_disk.mechanics.lattice import file_digest
 from taichi_disk.pictures.curves import OKABE_ITO
 from taichi_disk.pictures.plot import matplotlib_style
 from taichi_disk.runs.api.lattices import compare_lattices
@@ -95,7 +96,8 @@ def effects(scene: Scene, progress: Progress) -> Numbers:
     found = {}
     changes = {}
     if scene.lattice.file == "none":  # there is no other sample of a user's points
-        compared = compare_lattices(outcome, SEEDS, progress, force=False)
+        outline = file_digest(scene.lattice, "outline")
+        compared = compare_lattices(outcome, SEEDS, progress, False, outline)
         if name in compared:
             found[SCATTER] = compared[name]["standard_deviation"]
         changes[FINER] = finer_lattice(scene)

@@ -194,7 +194,8 @@ def run_sweep(
 
     Raises:
         InputError: `out` cannot be written or holds something else; a point cannot be
-            read; no scheduler answers; or workers have other versions.
+            read; a file of the lattice is changed meanwhile; no scheduler answers; or
+            workers have other versions.
         SimulationError: the workers failed. Finished points are kept.
     """
     started = perf_counter()
@@ -227,6 +228,11 @@ def run_sweep(
         computed = executors.computed(missing, estimate, executor)
         with closing(computed):
             for key, result in computed:
+                if point_key(missing[key]) != key:
+                    raise InputError(
+                        "a file of the lattice was changed during the sweep: run it"
+                        " again"
+                    )
                 _write_point(out, key, missing[key], result)
                 results[key] = result
                 progress("sweep", len(results), len(scenes))

@@ -95,7 +95,9 @@ def test_only_a_folder_of_numbered_files_is_replaced(tmp_path):
     atomic_write(folder, write)
     assert {path.name for path in folder.iterdir()} == {"0.png"}
     (folder / "me.png").touch()
-    with pytest.raises(InputError, match="not a folder with only numbered pictures"):
+    with pytest.raises(
+        InputError, match="not a writable folder with only numbered pictures"
+    ):
         check_pictures(folder)
     assert everything(tmp_path) == {folder, folder / "0.png", folder / "me.png"}
 

@@ -70,7 +70,7 @@ def test_an_application_with_python_is_no_python(
         program = str(tmp_path / name)
     monkeypatch.setattr(sys, "executable", program)
     assert can_start_python() == is_python
-    monkeypatch.setattr(sys, "frozen", True, raising=False)
+    monkeypatch.setattr(machine, "__file__", str(tmp_path / "app.zip" / "machine.py"))
     assert not can_start_python()
 
 

@@ -62,8 +62,7 @@ def test_a_blow_up_at_a_forced_step_is_reported_with_the_last_good_state(kernels
     lattice = driver.scenario.lattice
     springs = driver.scenario.model.springs
     assert int(found[2]) == np.abs(springs.strain(lattice, good["positions"])).argmax()
-    # Before the blow-up the disk falls at its speed, and all rows until then are
-    # available.
+    # Before the blow-up the disk falls at its speed, and all rows are there.
     assert np.isfinite(good["positions"]).all()
     assert good["velocities"][:, 1].mean() == pytest.approx(-0.02, abs=1e-4)
     # The next row would lie behind the blow-up.

@@ -60,8 +60,7 @@ def truth(kernels, *settings):
 def test_every_result_has_an_estimate_that_holds_where_errors_are_no_power_of_the_step(
     settings, kernels
 ):
-    # With a step ratio of 1.25 and order 2, the error of e was 9 and 1.9 times its
-    # estimate.
+    # With a step ratio of 1.25 and order 2, the errors were 9 and 1.9 times as large.
     scenario, outcome = computed(kernels, *settings)
     found = error_estimate.measured(scenario, outcome.series)
     errors = outcome.summary["error_estimate"]

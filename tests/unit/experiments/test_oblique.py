@@ -13,10 +13,8 @@ INERTIA = 0.25
 
 
 def columns(vx, vy, spin):
-    """Return a series of nine rows: contact from t = 3 to t = 5, linear changes there.
-
-    `vx`, `vy` [c] and `spin` [c/R]: before and after.
-    """
+    """Return nine rows with contact from t = 3 to 5, where all changes linearly; `vx`,
+    `vy` [c], `spin` [c/R]: before and after."""
     t = np.arange(9.0)
     part = np.clip((t - 3.0) / 2.0, 0.0, 1.0)
 

@@ -39,8 +39,7 @@ def values(key):
         return st.integers(0, steps).map(lambda k: key.kind(key.low + k * key.step))
     if key.kind is int:
         return st.integers(int(key.low), int(key.high))
-    # Taichi makes its thread treat subnormal numbers as zero, even when they are read
-    # from text.
+    # Taichi lets its thread read subnormal numbers as zero.
     numbers = st.floats(key.low, key.high, allow_subnormal=False)
     return st.sampled_from(key.words) | numbers if key.words else numbers
 
@@ -69,8 +68,7 @@ def test_a_written_scene_reads_back_equal(path, scene):
     path.write_text(text, encoding="utf-8")
     assert load_scene(path) == load_scene(text) == load_scene(asdict(scene)) == scene
     assert load_scene(path).to_yaml() == text
-    # Plain PyYAML must read the same values, although it follows YAML 1.1, in which
-    # 1e-05 is a string.
+    # Plain PyYAML, too, for which 1e-05 is a string (YAML 1.1), reads the same values.
     assert load_scene(yaml.safe_load(text)) == scene
 
 

@@ -92,8 +92,7 @@ def test_an_imbalance_shortens_the_step_as_order_2_asks(finished):
     assert follows(control, 4.0)
     assert control.attempt == 2
     assert control.step.dt == pytest.approx(0.45 * first)
-    # The step stays if shorter steps do not reduce the imbalance, or if the user has
-    # chosen the step.
+    # The step stays if shorter ones do not help, or if the user has chosen it.
     assert not follows(control, 3.9)
     assert follows(control, 0.9, closing=-1.5)
     assert not follows(control_of(*SMALL, f"time.dt={first}"), 100.0)
@@ -252,8 +251,7 @@ def test_a_small_tolerance_is_reached_from_a_first_step_that_is_far_too_long(ker
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-7])
 def test_a_run_within_a_tolerance_is_as_near_as_it_says(tolerance, kernels):
-    # Compare with a run whose steps are so short that its error, of order 4, is below
-    # 1e-9.
+    # Compare with a run whose error, of order 4, is below 1e-9.
     fine = ("time.integrator=takahashi_imada", "time.safety=0.1")
     exact, run = computed(kernels, *SMALL, *fine, estimate=False)
     scenario, outcome = computed(kernels, *SMALL, f"time.tolerance={tolerance}")

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import example, given, settings, strategies as st
 
 from taichi_disk.base.errors import InputError, printable
+from taichi_disk.experiments.config import tree
 from taichi_disk.experiments.scenes import SCENES, load_any, load_scene
 
 IMPACT = "scene: exponential_wall\n"
@@ -34,7 +35,7 @@ def faults(path, text, *overrides):
     [
         (r'"C:\new.csv"', "a backslash in double quotes begins a special character"),
         (r'"C:\Users.csv"', "a backslash in double quotes begins a special character"),
-        ("None", "not None; did you mean none?"),
+        ("None", "must be none or the name of a file, not None ("),
     ],
 )
 @pytest.mark.parametrize("key", ["file", "velocities"])
@@ -55,7 +56,7 @@ impact: {offset: 1} | 2:10: impact.offset: belongs to scene: absorbing_wall, not
 impact: {angle: 90} | 2:17: impact.angle: must be a number from -1.5 to 1.5 [rad],
 wall: {a: [1, 2]} | 2:11: wall.a: must be a number from 0.1 to 1e6 [1/R], not a list;
 lattice: {points: ten} | 2:19: lattice.points: must be a whole number from 3 to
-lattice: {rim: yes} | 2:16: lattice.rim: must be true or false, not yes (evenly
+lattice: {rim: no} | 2:16: lattice.rim: must be true or false, not no (evenly
 lattice: {file: 3} | 2:17: lattice.file: must be none or the name of a file, not 3
 time: {dt: 0} | 2:12: time.dt: must be auto or a number from 1e-9 to 1000 [R/c], not 0
 video: {theme: dork} | 2:16: video.theme: must be light or dark, not dork; did you mean
@@ -215,18 +216,22 @@ def test_the_last_override_of_a_key_wins():
     changes = ["lattice.points=20", "lattice.points=30", "impact.velocity = 1e-2"]
     scene = load_scene(text, [*changes, "time.dt=auto"])
     assert (scene.lattice.points, scene.lattice.seed) == (30, 5)
+    assert load_scene(text, changes[1]) == load_scene(text, changes[:2])
     other = load_scene(text, ["scene=compression", "lattice.points=3"])
     assert other == load_scene("scene: compression\nlattice: {points: 3, seed: 5}\n")
     assert other == load_scene(text, ["scene=compression", "lattice={points: 3}"])
 
 
-def test_a_missing_file_is_answered_with_the_nearest_name(tmp_path):
+def test_a_missing_file_is_answered_with_the_nearest_name(tmp_path, monkeypatch):
     shipped = "The shipped scenes are absorbing_wall, bouncing_disk, .*, ringing_disk$"
     with pytest.raises(InputError, match=rf"^nonsense: no such file\. {shipped}"):
         load_scene("nonsense")
     near = rf"no such file; did you mean exponential_wall\? {shipped}"
     with pytest.raises(InputError, match=near):
         load_scene(tmp_path / "scenes" / "exponental_wall.yaml")
+    monkeypatch.setattr(tree, "__file__", "/no.zip/taichi_disk/experiments/config/a")
+    with pytest.raises(InputError, match="missing, as in a zip file"):
+        load_scene("exponential_wall")
 
 
 def test_a_path_that_cannot_be_read_is_refused(tmp_path):
@@ -250,8 +255,7 @@ def test_a_file_in_the_way_has_precedence_over_a_shipped_scene(tmp_path, monkeyp
     assert load_scene("exponential_wall").lattice.points == 7
 
 
-# Whatever is given, a scene is returned or InputError raised, whose text can be
-# printed.
+# Whatever is given makes a scene, or an InputError whose text can be printed.
 
 WORDS = """\
 scene lattice material wall impact compression time video sweep points seed rim file

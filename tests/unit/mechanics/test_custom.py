@@ -61,8 +61,7 @@ def test_round_hexagonal_lattice_has_no_spring_beyond_second_neighbours(digits):
     lattice = Lattice.from_points(ROUND.round(digits))
     assert_tiles(lattice.positions, lattice.triangles, lattice.disk_surface)
     assert lattice.rest_lengths.max() < 1.75 / 8
-    # All first neighbours are joined: sliver removal takes no part of the lattice
-    # itself.
+    # All first neighbours are joined: no part of the lattice itself is a sliver.
     neighbours = cKDTree(ROUND).query_pairs(1.01 / 8)
     assert (lattice.rest_lengths < 1.01 / 8).sum() == len(neighbours)
 
@@ -206,7 +205,7 @@ def test_the_disk_of_a_runs_lattice_is_read_from_npz(tmp_path):
     with pytest.raises(InputError, match="x is no array of a lattice"):
         Lattice.read(tmp_path / "a.npz")
     np.savez(tmp_path / "final.npz", positions=ROUND, velocities=ROUND, t=1.0)
-    with pytest.raises(InputError, match=r"a state of a run, whose lattice is in latt"):
+    with pytest.raises(InputError, match=r"whose lattice is in lattice.npz; a run"):
         Lattice.read(tmp_path / "final.npz")
 
 
@@ -214,7 +213,7 @@ def test_the_disk_of_a_runs_lattice_is_read_from_npz(tmp_path):
     ("name", "content", "message"),
     [
         ("none.csv", None, "No such file"),
-        ("a.yaml", b"0,0", "meshio cannot read this file"),
+        ("a.svg", b"<svg/>", "name a drawing (.svg) as lattice.outline, or give"),
         ("a.csv", b"x,y\n0,0\n1,2,3\n", "line 3 has 3 columns"),
         ("a.csv", b"0,0\n\xfc", ":2: not UTF-8 text (byte 0xfc): save it as UTF-8"),
         ("a.npz", b"PK", "not a zip file"),
@@ -284,8 +283,7 @@ def test_a_lattice_gets_the_form_that_kernels_need():
 
 
 def test_a_wide_hole_stays_open_and_a_notch_is_what_the_springs_leave():
-    # All springs of the ring join first neighbours, 1/8 R, except for second neighbours
-    # along its edges.
+    # Springs join first neighbours, 1/8 R, and second ones along the edges.
     ring = Lattice.from_points(RING)
     assert len(holes_of(ring)) == 1
     assert holes_of(ring)[0] == pytest.approx(np.pi * 0.6**2, rel=0.15)

@@ -47,8 +47,7 @@ CROSSED = Lattice.from_points(
     triangles=PATCH.triangles,
 )
 MESH = Triangles(PATCH)
-# Triangles without a corner on the outline; each of their springs belongs to two
-# triangles.
+# triangles without a corner on the outline, whose springs belong to two triangles
 INSIDE = ~np.isin(PATCH.triangles, np.unique(MESH.outline)).any(axis=1)
 
 
@@ -201,8 +200,7 @@ def test_smoothing_keeps_uniform_values_and_averages_neighbours():
 
 @pytest.mark.parametrize("rings", [20, 30])
 def test_fringes_show_stress_smoothed_to_a_width_of_0_06_r_whatever_the_spacing(rings):
-    # Half of the lattice is shifted along a row, so the row of triangles between the
-    # halves is in pure shear.
+    # Half of the lattice is shifted, so a row of triangles is in pure shear.
     lattice = bodies.hexagon(rings)
     spacing = 1.0 / rings
     x = lattice.positions.copy()
@@ -214,8 +212,7 @@ def test_fringes_show_stress_smoothed_to_a_width_of_0_06_r_whatever_the_spacing(
     height = (rows[near] - 0.5) * np.sqrt(0.75) * spacing
     # The points on either side of that row are half of its height away from its middle.
     width2 = np.average(height**2, weights=weight) - 3.0 / 16.0 * spacing**2
-    # The number of averages is whole, so the width may deviate by half an average (over
-    # six neighbours and the point).
+    # Averages (over six neighbours and the point) are whole: the width may be half off.
     assert width2 == pytest.approx(0.06**2, abs=0.51 * 3.0 / 7.0 * spacing**2)
     assert np.average(height, weights=weight) == pytest.approx(0.0, abs=0.01 * spacing)
 

@@ -108,8 +108,7 @@ def test_a_hole_is_round_and_empty_and_the_points_are_as_many_as_asked(
 def test_the_edges_of_hole_and_core_are_rings_of_springs_without_flat_triangles(
     hole, core, min_spacing
 ):
-    # A random point too close to an edge would make a sliver there, or break the core's
-    # outline.
+    # A random point too close to an edge would make a sliver, or break the outline.
     spacing = min_spacing * hexagonal_spacing(300) * np.sqrt(1 - hole**2)
     for seed in range(3):
         disk = Lattice.disk(300, seed, True, min_spacing, hole, core)
@@ -216,8 +215,7 @@ def test_scattered_points_are_as_dense_everywhere():
     disk = Lattice.disk(n, 0, min_spacing=0.75)
     inner = disk.positions[np.abs(disk.positions).max(axis=1) < 0.7]
     expected = n / np.pi * 1.4**2 / 16
-    # Points at a minimum distance fluctuate less than by sqrt(n) = 18 (Poisson) for n =
-    # 312 in a bin.
+    # Points at a distance fluctuate by less than sqrt(n) = 18 (Poisson) in a bin.
     assert np.abs(np.histogram2d(*inner.T, bins=4)[0] - expected).max() < 30
 
 
@@ -230,8 +228,7 @@ def test_numbering_keeps_neighbours_close_in_memory():
 
 @pytest.mark.parametrize("angle", np.arange(4) * 1.65)
 def test_points_in_a_row_make_no_flat_triangles(angle):
-    # A square grid with displaced inner points, rotated so that its sides are straight
-    # only up to rounding.
+    # A grid with displaced inner points, whose sides are straight but for rounding.
     grid = np.stack(np.meshgrid(np.arange(30.0), np.arange(9.0)), axis=-1)
     grid[1:-1, 1:-1] += 0.4 * np.random.default_rng(0).random((7, 28, 2)) - 0.2
     c = np.cos(angle)

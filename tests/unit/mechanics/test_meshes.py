@@ -7,6 +7,7 @@ import sys
 import time
 from contextlib import nullcontext
 from importlib.util import find_spec
+from pathlib import Path
 from types import SimpleNamespace
 
 import meshio
@@ -201,9 +202,13 @@ def test_a_mesh_whose_reading_never_ends_is_refused_in_time(tmp_path, monkeypatc
 
 def test_one_signal_ends_the_reading_of_a_mesh_that_never_ends(tmp_path):
     (tmp_path / "a.ply").write_text(ENDLESS)
-    words = ["-m", "taichi_disk", "run", "compression", "--set", "lattice.file=a.ply"]
+    words = ["-m", "taichi_disk", "check", "compression", "--set=lattice.file=a.ply"]
     process = subprocess.Popen([sys.executable, *words], cwd=tmp_path)
-    time.sleep(1.5)
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+    for _ in range(500):  # until the process that reads has begun
+        if children.read_text():
+            break
+        time.sleep(0.02)
     process.send_signal(signal.SIGTERM)
     assert process.wait(10.0) == 130
 

@@ -10,8 +10,7 @@ from taichi_disk.mechanics.lattice.network import bulk_moduli, inner_moduli, str
 
 
 def test_perfect_triangular_lattice_has_the_textbook_moduli():
-    # Equal springs k on a triangular lattice: E = 2/sqrt(3) k, nu = 1/3. It is
-    # stretched along its rows, a unit apart.
+    # equal springs k: E = 2/sqrt(3) k, nu = 1/3; stretched along rows, a unit apart
     i, j = np.meshgrid(np.arange(16), np.arange(16), indexing="ij")
     mesh = triangulate(
         np.stack([i + 0.5 * (j % 2), j * math.sqrt(0.75)], axis=-1).reshape(-1, 2)

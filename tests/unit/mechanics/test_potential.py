@@ -38,8 +38,7 @@ def test_the_force_is_the_slope_of_the_potential_and_the_stiffness_that_of_the_f
     )
     slope = (wall.force_at(y - step) - wall.force_at(y + step)) / (2.0 * step)
     assert wall.added_stiffness(wall.force_at(y)) == pytest.approx(slope, rel=1e-8)
-    # Two points that approach each other, compared with one that approaches a fixed
-    # wall.
+    # two points that approach each other, instead of one and a fixed wall
     assert ELASTIC.added_stiffness(3.0) == 2.0 * wall.added_stiffness(3.0)
 
 

@@ -49,8 +49,7 @@ def test_the_colour_blind_tell_compression_from_stretching(theme, eyes):
     seen = linear(colour_map(theme, "pressure")) @ DICHROMATS[eyes].T
     low = seen[: LEVELS // 8].mean(axis=0)
     high = seen[-LEVELS // 8 :].mean(axis=0)
-    # They can distinguish yellow from blue, so the fractions of blue in the seen
-    # colours must differ.
+    # They tell yellow from blue, so the fractions of blue must differ.
     assert high[2] / high.sum() - low[2] / low.sum() > 0.25
 
 

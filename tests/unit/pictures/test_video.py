@@ -12,8 +12,7 @@ from taichi_disk.pictures.render.video import video
 @pytest.mark.parametrize("count", [1, 2, 61, 62, 63, 100])
 @pytest.mark.parametrize("fps", [10, 30, 49, 50])
 def test_a_gif_shows_pictures_as_browsers_do_and_keeps_its_length(tmp_path, fps, count):
-    # Browsers show a picture of 10 ms for 100 ms. All pictures differ from their
-    # neighbours, because equal ones become one.
+    # Browsers show a picture of 10 ms for 100 ms. Equal neighbours become one picture.
     stripes = np.repeat(np.eye(4, dtype=np.uint8)[:, None, :3] * 255, 8, axis=1)
     path = tmp_path / "film.gif"
     with video(path, ".gif", (8, 4), fps, "") as append:

@@ -417,6 +417,16 @@ def test_the_logs_of_other_programs_stay_in_a_folder_and_go_on(tmp_path):
     assert os.listdir(tmp_path) == ["run"]
 
 
+def test_what_is_write_protected_is_not_replaced(tmp_path, monkeypatch):
+    out = compute(tmp_path / "run", files=("frames/00001.png",), mark="old")
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    with refused("run is write-protected; choose another"):
+        compute(out, overwrite=True)
+    assert compute(out, count_on=True) == tmp_path / "run-2"
+    with refused("frames is not a writable folder"):
+        check_pictures(out / "frames")
+
+
 LITTER = "Thumbs.db desktop.ini ._plot.png .nfs000000001 .directory @eaDir .DS_Store"
 
 

@@ -67,17 +67,15 @@ async def test_a_page_gets_no_more_states_than_it_draws_and_holds_up_no_other(se
     player, sleeper = Reader(sessions, "1"), Reader(sessions, "2")
     player.say("press", key="space")
     sleeper.say("press", key="space")
-    await player.draw(60)
-    assert len(player.numbers) > 10
+    await player.draw_until(lambda: len(player.numbers) > 10)
     assert len(sleeper.numbers) <= 4
     t = sleeper.sandbox.time.display.t
-    await asyncio.sleep(0.3)  # both pages are hidden
+    await asyncio.sleep(0.1)  # both pages are hidden
     assert sleeper.sandbox.time.display.t == t
     # or its states were lost: it says that it waits for none
     player.numbers.clear()
     player.say("seen", number=9e6)
-    await asyncio.sleep(0.1)
-    assert player.numbers
+    await player.draw_until(lambda: player.numbers)
     player.say("alive")
     assert "alive" in player.texts and "alive" not in sleeper.texts
 

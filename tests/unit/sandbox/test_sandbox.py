@@ -142,8 +142,7 @@ def test_a_saved_scene_gives_what_was_seen_of_a_disk_turned_by_hand(sandbox, tmp
     assert np.angle(spoke[1] / spoke[0]) == pytest.approx(0.7, abs=1e-6)
     assert sandbox.at_start
     assert not sandbox.time.display.segment.label
-    # Turned, the disk begins to feel the wall at another height, and is dented a
-    # little.
+    # Turned, the disk feels the wall at another height, and is dented a little.
     shift = sandbox.time.display.x - shown
     across, up = shift.mean(axis=0)
     assert abs(across) < 1e-12
@@ -396,6 +395,20 @@ def test_what_the_mouse_pulled_is_not_made_again_and_its_energy_no_imbalance(ker
         assert sandbox.status == "disturbed"
         change()
         assert sandbox.grip < 0
+
+
+def test_a_pulled_disk_moves_beside_another_as_it_does_alone(kernels):
+    def pulled(*sandboxes):
+        for k, one in enumerate(sandboxes):
+            one.pause()
+            one.pull(0.3, 2.4 + k)
+        for _ in range(20):
+            for one in sandboxes:
+                one.advance(0.03, np.inf)
+        return sandboxes[0].time.display.x
+
+    alone = pulled(opened(kernels))
+    assert np.array_equal(pulled(opened(kernels), opened(kernels)), alone)
 
 
 def test_a_blow_up_is_told_and_any_change_gives_time_back(kernels):

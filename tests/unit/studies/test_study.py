@@ -35,8 +35,7 @@ def test_a_finer_lattice_is_of_the_same_material(kind):
     scene = load_scene(kind, ["lattice.points=60", "material.eta_star=5"])
     changed = scene.with_(finer_lattice(scene))
     assert changed.lattice.points == 240
-    # The eta of a spring, the total mass, the shape of a wall and the drag of its
-    # boundary stay the same.
+    # A spring's eta, the mass, the shape of a wall and its boundary's drag stay.
     before = scene.scenario()
     after = changed.scenario()
     if kind == "absorbing_wall":
