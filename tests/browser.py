@@ -173,7 +173,7 @@ class Browser:
 
     def colours(self):
         """Return the number of colours of the picture."""
-        return len(np.unique(self.picture().reshape(-1, 4), axis=0))
+        return len(np.unique(self.picture() @ 256 ** np.arange(4)))
 
     def disk(self):
         """Return the centre of the disk and its radius [px]."""

@@ -80,15 +80,10 @@ class Model:
         return np.sum(self.factor * (self.k_a * s**2 / 2 + self.k_b * s**4 / 4))
 
     def wall(self, x):
-        rigid = (
-            np.sum(self.V0 * np.exp(-self.a * x[: self.disk_points, 1]))
-            if self.rigid
-            else 0.0
-        )
+        if self.rigid:
+            return np.sum(self.V0 * np.exp(-self.a * x[: self.disk_points, 1]))
         edge = np.exp(-self.a * self.threshold)
-        return rigid + np.sum(
-            self.V0 * (np.exp(-self.a * self.contacts(x).distance) - edge)
-        )
+        return np.sum(self.V0 * (np.exp(-self.a * self.contacts(x).distance) - edge))
 
     def potential(self, x):
         return (
@@ -104,6 +99,7 @@ class Model:
             f[: self.disk_points, 1] += (
                 self.a * self.V0 * np.exp(-self.a * x[: self.disk_points, 1])
             )
+            return f
         found = self.contacts(x)
         push = (self.a * self.V0 * np.exp(-self.a * found.distance))[
             :, None

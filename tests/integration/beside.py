@@ -4,19 +4,49 @@
 
 Each word is a start of Taichi. `plain`: by the program; then by the user: `exact`
 (double precision without fast math), `defaults`, `f32` (defaults, and fields of single
-precision).
+precision). Before them, `settings`: all settings of the user hold again after a call.
 """
 
 import sys
+from copy import deepcopy
 from functools import partial
 
 import numpy as np
 
 from taichi_disk import run
-from taichi_disk.base.engine import ti
+from taichi_disk.base.engine import owner, ti
 
 INIT = {"exact": {"default_fp": ti.f64, "fast_math": False}, "defaults": {}, "f32": {}}
+SINGLE = 0.3333333432674408
+SETTINGS = (
+    ({}, SINGLE),
+    ({"fast_math": False}, SINGLE),
+    ({"default_fp": ti.f64}, 1 / 3),
+    ({"default_ip": ti.i64, "debug": True}, SINGLE),
+    ({"opt_level": 1}, SINGLE),
+    ({"real_matrix_scalarize": False, "kernel_profiler": True}, SINGLE),
+)
 VALUES = np.arange(1.0, 9.0).reshape(4, 2)
+
+
+def settings():
+    names = [name for name in dir(ti.cfg) if not name.startswith("_")]
+    return {name: deepcopy(getattr(ti.cfg, name)) for name in names}
+
+
+@ti.kernel
+def third() -> ti.f64:
+    i = 1
+    return i / 3
+
+
+def check_settings():
+    """Raise AssertionError if a call to the engine changes a setting of the user."""
+    for init, expected in SETTINGS:
+        ti.init(arch=ti.cpu, **init)
+        before = settings()
+        assert owner.call(lambda: ti.cfg.default_fp.to_string()) == "f64"
+        assert settings() == before and third() == expected, (init, third())
 
 
 def bits(scenes):
@@ -109,6 +139,9 @@ class Own:
 
 
 def main(starts):
+    if "settings" in starts:
+        check_settings()
+        starts.remove("settings")
     alone = None
     scenes = min(len(starts), 2)  # one start is for a quick test
     for start in starts:

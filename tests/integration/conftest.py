@@ -55,3 +55,10 @@ def without_plots(monkeypatch):
 
     draw = "taichi_disk.runs.api.work.plot_run"
     monkeypatch.setattr(draw, lambda path, *_: path.touch())
+
+
+@pytest.fixture
+def without_figures(monkeypatch):
+    """Let sweeps draw no figures: one takes a second."""
+    draw = "taichi_disk.studies.figures.drawing.draw"
+    monkeypatch.setattr(draw, lambda diagram, out: None)

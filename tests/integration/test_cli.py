@@ -86,6 +86,7 @@ def test_a_run_goes_into_out_and_the_name_of_the_scene_unless_a_folder_is_named(
     assert [out for out, *_ in calls[3:]] == [f"out/{one}" for one in folders.values()]
 
 
+@pytest.mark.usefixtures("without_plots")
 def test_messages_of_the_command_line_name_options(tmp_path, capsys):
     for velocity in (0.03, 0.04):
         thrown = ("lattice.points=30", f"impact.velocity={velocity}")
@@ -97,6 +98,7 @@ def test_messages_of_the_command_line_name_options(tmp_path, capsys):
     assert "--set cannot change the scenes of a folder" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("without_plots")
 def test_numbers_are_printed_though_a_run_cannot_be_moved(
     tmp_path, capsys, monkeypatch
 ):

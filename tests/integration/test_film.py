@@ -67,7 +67,7 @@ def run():
     outcome = compute(load_scene("exponential_wall", settings).scenario())
     # The states are stored, so that tests may restart Taichi; beyond the end, because
     # films show the flight after it.
-    times = np.linspace(0.0, 2.0 * outcome.series["t"][-1], 800)
+    times = np.linspace(0.0, 2.0 * outcome.series["t"][-1], 400)
     states = list(outcome.replay(times))
 
     def stored(wanted):

@@ -38,7 +38,7 @@ def test_a_result_is_a_line_in_a_terminal_and_a_table_with_a_plot_in_a_notebook(
     assert np.array_equal(
         figure.axes[1].lines[0].get_ydata(), result.series["wall_force"]
     )
-    assert figure._repr_png_()[:4] == b"\x89PNG"
+    assert figure._repr_png_()[:4] == result._repr_png_()[:4] == b"\x89PNG"
 
 
 @pytest.mark.skipif(film_problem() is not None, reason="no Vulkan driver")

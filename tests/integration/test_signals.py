@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from programs import python, summary_in
 
-from taichi_disk.base import engine
+from taichi_disk.base import engine, signals
 from taichi_disk.base.signals import (
     ENDINGS,
     INTERRUPTED,
@@ -80,8 +80,9 @@ process()
 """
 LISTENING = """
 import time
-from taichi_disk.base.signals import listen
-listen()
+from taichi_disk.base import signals
+signals.REPEAT_TIME = 0.3
+signals.listen()
 print("ready", flush=True)
 time.sleep(30.0)
 """
@@ -150,7 +151,10 @@ def interrupted(out, after, number):
         assert films or process.returncode
 
 
-def test_ctrl_c_is_raised_at_a_check_or_at_the_end_and_a_second_one_at_once():
+def test_ctrl_c_is_raised_at_a_check_or_at_the_end_and_a_second_one_at_once(
+    monkeypatch,
+):
+    monkeypatch.setattr(signals, "REPEAT_TIME", 0.1)
     with pytest.raises(KeyboardInterrupt), deferred_interrupts():
         signal.raise_signal(signal.SIGINT)
         heard = True
@@ -162,7 +166,7 @@ def test_ctrl_c_is_raised_at_a_check_or_at_the_end_and_a_second_one_at_once():
         with pytest.raises(KeyboardInterrupt):
             raise_if_interrupted()
         raise_if_interrupted()  # once
-        time.sleep(REPEAT_TIME)
+        time.sleep(0.1)
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
@@ -217,9 +221,9 @@ def test_a_second_signal_ends_a_command_at_once_but_two_together_are_one():
     child = ready(LISTENING)
     for number in (signal.SIGTERM, signal.SIGINT):
         child.send_signal(number)
-        time.sleep(0.1)
+        time.sleep(0.02)
     assert child.poll() is None
-    time.sleep(REPEAT_TIME)
+    time.sleep(0.5)
     child.send_signal(signal.SIGINT)
     assert child.wait(timeout=10) == INTERRUPTED
 
@@ -228,7 +232,7 @@ def test_the_end_of_the_processor_time_is_one_signal_however_often_it_comes():
     child = ready(LISTENING)
     for _ in range(2):
         child.send_signal(signal.SIGXCPU)
-        time.sleep(1.2 * REPEAT_TIME)
+        time.sleep(0.35)
     assert child.poll() is None
     child.send_signal(signal.SIGHUP)
     assert child.wait(timeout=10) == INTERRUPTED
@@ -238,7 +242,7 @@ def test_a_command_started_by_nohup_goes_on_when_the_connection_is_lost():
     child = ready(LISTENING, "sh", "-c", 'trap "" HUP; exec "$@"', "-")
     for _ in range(2):
         child.send_signal(signal.SIGHUP)
-        time.sleep(1.2 * REPEAT_TIME)
+        time.sleep(0.35)
     assert child.poll() is None
     child.kill()
     child.wait()

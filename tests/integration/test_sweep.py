@@ -41,6 +41,7 @@ scene: exponential_wall
 lattice: {points: 60}
 sweep: {seed: [3, 4], velocity: [0.02, 0.7]}
 """
+pytestmark = pytest.mark.usefixtures("without_figures")  # that of `small` is enough
 ONE = "scene: exponential_wall\nlattice: {points: 60}\nmaterial: {eta_star: 0.0}\n"
 
 
@@ -52,14 +53,6 @@ def swept(text, out, *settings, **options):
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
     return swept(SMALL, tmp_path_factory.mktemp("small") / "out")
-
-
-@pytest.fixture(autouse=True)
-def no_figures(monkeypatch):
-    """Draw no figures: one takes a second, and that of `small` is enough."""
-    monkeypatch.setattr(
-        "taichi_disk.studies.figures.drawing.draw", lambda diagram, out: None
-    )
 
 
 def values_at(rows, name, **axes):

@@ -331,12 +331,12 @@ def test_a_change_after_the_result_leaves_it_as_it_is(sandbox, is_pulled):
     assert sandbox.status == "disturbed"
     assert (sandbox.results, sandbox.answer) == (results, answer)
     assert sandbox.time.measured is measured
-    sandbox.set("impact.velocity", 0.01)
+    sandbox.set("impact.velocity", 0.08)
     sandbox.hit_again()
     to_the_end(sandbox)
     (expected,) = results
     again = sandbox.results[-1]
-    assert again.load == 0.01
+    assert again.load == 0.08
     assert again.contact_time > 1.0
     sandbox.remove(-1.0)  # no row of the table
     sandbox.remove(2.0)
@@ -450,7 +450,7 @@ def test_presets_are_the_scenes_of_the_list_after_that_which_was_given():
 
 
 def test_a_disk_under_gravity_goes_on_bouncing_after_its_result(kernels):
-    settings = ["lattice.points=60", "impact.bounces=2", "impact.gravity=5e-3"]
+    settings = ["lattice.points=30", "impact.bounces=2", "impact.gravity=1e-2"]
     sandbox = opened(kernels, settings, "bouncing_disk")
     outcome, e = computed(sandbox.scene)
     sandbox.paused = False
