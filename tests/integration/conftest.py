@@ -1,9 +1,11 @@
 """The browsers of all tests, the program that serves the page, runs without plots."""
 
 import os
+from contextlib import nullcontext
 
 import pytest
 
+from taichi_disk.pictures.render.artist import drawing_process
 from tests.browser import BROWSERS, MISSING_BROWSERS, SETTINGS, ended, serving
 
 
@@ -46,6 +48,20 @@ def served(tmp_path):
         yield program, url
         if program.poll() is None:
             ended(program)
+
+
+@pytest.fixture(scope="session")
+def artist():
+    """Return an artist with a second process."""
+    with drawing_process(True) as artist:
+        yield artist
+
+
+@pytest.fixture
+def one_artist(monkeypatch, artist):
+    """Let `artist` draw all films: to start a process takes as long as a film."""
+    draws = "taichi_disk.runs.api.drawing_process"
+    monkeypatch.setattr(draws, lambda film: nullcontext(artist))
 
 
 @pytest.fixture

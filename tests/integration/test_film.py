@@ -76,13 +76,6 @@ def run():
     return replace(outcome, replay=stored, frames=stored)
 
 
-@pytest.fixture(scope="module")
-def artist():
-    """Return an artist with a second process."""
-    with drawing_process(True) as artist:
-        yield artist
-
-
 def computed(kind, *settings, **options):
     """Return the run of a shipped scene with some settings."""
     return api.run(load_scene(kind, settings), lattices=1, **options)

@@ -117,7 +117,9 @@ def test_rubbish_is_ignored_and_a_message_that_is_too_long_ends_its_page(session
     visited(sessions, act)
 
 
-def test_pages_that_are_silent_do_not_hold_up_the_end(sessions):
+def test_pages_that_are_silent_do_not_hold_up_the_end(sessions, monkeypatch):
+    monkeypatch.setattr(server, "_CLOSE_TIME", 0.1)
+
     async def visit():
         with socket.create_server(("127.0.0.1", 0)) as listening:
             port = listening.getsockname()[1]

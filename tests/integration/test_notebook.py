@@ -42,6 +42,7 @@ def test_a_result_is_a_line_in_a_terminal_and_a_table_with_a_plot_in_a_notebook(
 
 
 @pytest.mark.skipif(film_problem() is not None, reason="no Vulkan driver")
+@pytest.mark.usefixtures("one_artist")
 def test_a_film_is_shown_inline_with_controls_and_leaves_no_file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))

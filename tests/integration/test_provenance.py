@@ -32,6 +32,7 @@ def pictured(path):
     return info["comment"].decode() if "comment" in info else info["Description"]
 
 
+@pytest.mark.usefixtures("one_artist")
 @pytest.mark.parametrize(
     ("name", "read"),
     [

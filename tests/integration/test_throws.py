@@ -3,6 +3,7 @@
 import json
 import random
 import shutil
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -312,6 +313,11 @@ def test_a_page_follows_every_rule_of_films(tmp_path):
 
 def test_a_rule_that_python_changes_reaches_the_page(tmp_path, monkeypatch):
     monkeypatch.setitem(throws._RULES, "mostMagnified", 1.5)
+    films = []
+    monkeypatch.setattr(
+        api, "drawing_process", lambda film: nullcontext(films.append(film))
+    )
     scene = load_scene("exponential_wall", [*SMALL, "video.seconds=1"])
     film = packed(api.run(scene, lattices=1).film(tmp_path / "film.html"))[0]
     assert film["again"]["rules"]["mostMagnified"] == 1.5
+    assert films == [False]  # no process encodes a page

@@ -410,7 +410,7 @@ class Result(Outcome):
         runs = [self, *compared]
         made = files.prepare_output(path.parent)
         try:
-            with drawing_process(True) as artist:
+            with drawing_process(path.suffix != ".html") as artist:
                 film(
                     path,
                     runs,
