@@ -477,7 +477,7 @@ class ImpactScenario(Scenario):
         ]
         ringing = shares["vibration"] + shares["elastic"]
         if ringing > LEAST_SHARE:
-            parts.append(f"{ringing:.3g} % still rings")
+            parts.append(f"{ringing:.3g} % is left in the disk")
         if parts:
             text += f". Of the energy, {', '.join(parts)}"
         return f"{text}."
