@@ -60,6 +60,7 @@ def pytest_collection_modifyitems(config, items):
             item.add_marker(skip)
     gc.freeze()
     gc.enable()
+    gc.set_threshold(100_000, 20, 50)  # to look for garbage took 4 % of the time
     items.sort(key=part_of)
     first = [item for item in items if part_of(item) < "b"]
     second = [item for item in items if part_of(item) == "b"]

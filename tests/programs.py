@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import zlib
+from functools import cache
 
 import numpy as np
 from PIL import Image
@@ -32,6 +33,7 @@ def command(*words, **options):
     return python("-m", "taichi_disk", *words, **options)
 
 
+@cache
 def film_problem():
     """Return why this machine cannot make films, or None."""
     try:

@@ -24,7 +24,7 @@ from taichi_disk.sandbox import session
 pytestmark = pytest.mark.skipif(
     not shutil.which("node"), reason="not installed: node (apt-get install nodejs)"
 )
-SMALL = ["lattice.points=100", "impact.velocity=0.05"]
+SMALL = ["lattice.points=60", "impact.velocity=0.05"]
 # what a page does with a film that it throws, without its document
 PREPARE = """
 import { readFileSync } from "node:fs";
@@ -235,14 +235,14 @@ def test_a_disk_or_a_start_of_ones_own_is_not_thrown(tmp_path):
 
 
 def test_a_page_says_that_a_disk_is_too_large_for_it(tmp_path, monkeypatch, notices):
-    scene = load_scene("exponential_wall", [*SMALL, "wall.a=200", "video.seconds=1"])
+    scene = load_scene("exponential_wall", [*SMALL, "wall.a=200", "video.fps=5"])
     result = api.run(scene.with_({"video.goal": 0.9}), lattices=1)
     notices.clear()
     for limit in ("MOST_POINTS", "_MOST_WORK"):
         assert packed(result.film(tmp_path / "film.html"))[0]["again"]
         assert not notices.messages
         with monkeypatch.context() as patch:
-            patch.setattr(throws, limit, 99)
+            patch.setattr(throws, limit, 59)
             path = result.film(tmp_path / "film.html")
         assert packed(path)[0]["again"] is None
         assert "This disk is too large for a page to throw" in path.read_text()

@@ -64,21 +64,23 @@ def test_an_error_is_reported_with_the_remedy(monkeypatch, capsys):
 
 
 @pytest.mark.parametrize(
-    "content", ["raise ImportError('of another\\n    Python')", "__version__ = '1.23'"]
+    ("content", "words"),
+    [
+        ("raise ImportError('of another\\n    Python')", ["run", "compression"]),
+        ("__version__ = '1.23'", ["doctor"]),
+    ],
 )
-def test_a_package_of_pythonpath_that_does_not_fit_is_named(tmp_path, content):
+def test_a_package_of_pythonpath_that_does_not_fit_is_named(tmp_path, content, words):
     (tmp_path / "numpy").mkdir()
     file = tmp_path / "numpy" / "__init__.py"
     file.write_text(content)
     folders = [str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(folders)}
     foreign = f"numpy is {file}; try again after: unset PYTHONPATH, or rename that file"
-    done = command("run", "compression", cwd=tmp_path, env=environment)
-    assert done.returncode == 1 and len(done.stderr.splitlines()) == 1
-    assert foreign in done.stderr
-    done = command("doctor", env=environment)
-    assert done.returncode == 1
-    assert done.stdout.endswith(f"    {foreign}\n") and "libX11" not in done.stdout
+    done = command(*words, cwd=tmp_path, env=environment)
+    assert done.returncode == 1 and len(done.stderr.splitlines()) < 2
+    printed = done.stderr or done.stdout
+    assert foreign in printed.splitlines()[-1] and "libX11" not in printed
 
 
 def test_a_file_of_the_user_with_the_name_of_the_engine_is_named(tmp_path):
