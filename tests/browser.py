@@ -254,18 +254,6 @@ class Browser:
         pointer.move_to_location(*end).pause(pause).pointer_up(button=button)
         builder.perform()
 
-    def trace(self, places):
-        """Drag along `places` (n, 2) [px]."""
-        from selenium.webdriver.common.actions.action_builder import ActionBuilder
-
-        builder = ActionBuilder(self.driver, duration=5)
-        first, *others = np.round(places).astype(int).tolist()
-        builder.pointer_action.move_to_location(*first).pointer_down()
-        for place in others:
-            builder.pointer_action.move_to_location(*place)
-        builder.pointer_action.pointer_up()
-        builder.perform()
-
     def drag_in(self, identity, start, end):
         """Drag across a graph, from one fraction of its width to another."""
         left, top, width, height = self.script(

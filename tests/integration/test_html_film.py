@@ -90,27 +90,6 @@ def test_states_survive_the_packing_to_a_thousandth_of_r(folder):
         assert shown == pytest.approx(expected, abs=0.03 * levels), name
 
 
-def test_curves_have_units_and_a_value_for_each_time_and_a_pause_is_no_plateau(folder):
-    film, _ = packed(folder / "film.html")
-    assert film["titles"] == [
-        "normal velocity over initial",
-        "wall force [Mc²/R]",
-        "energy [Mc²]",
-    ]
-    assert film["unit"] == "R/c"
-    count = film["runs"][0]["states"]
-    assert {len(one["values"]) for one in film["curves"]} == {count}
-    assert len(film["cues"]) > count  # with pauses
-    # the greatest force is a state of its own, between two regular ones
-    times = np.array(film["times"])
-    steps = np.diff(times)
-    assert steps.min() > 0.0
-    assert steps.min() < 0.9 * np.median(steps)
-    series = api.Result.load(folder, estimate=False).series
-    force = np.interp(times, series["t"], series["wall_force"])
-    assert film["curves"][1]["values"] == pytest.approx(force, rel=1e-3, abs=1e-6)
-
-
 @pytest.mark.validate
 def test_240_states_of_1099_points_take_less_than_3_mb(tmp_path):
     # rotations lose most

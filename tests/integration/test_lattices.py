@@ -186,7 +186,7 @@ def test_the_number_of_lattices_must_be_whole(count):
 
 
 @pytest.mark.validate
-def test_line_card_and_plot_begin_with_the_mean():
+def test_line_card_and_plot_begin_with_the_mean_or_the_only_result():
     result = run(SCENE, lattices=4)
     title = result.plot()._suptitle.get_text()
     quoted = re.search(r"restitution e (0\.\d+)", repr(result))[1]
@@ -194,5 +194,15 @@ def test_line_card_and_plot_begin_with_the_mean():
     assert float(quoted) == pytest.approx(result.mean, abs=0.05 * half_width)
     assert quoted in result._repr_html_()
     assert quoted in title
-    alone = run(SCENE, lattices=1).plot()
-    assert "lattices" not in alone._suptitle.get_text()
+    alone = run(SCENE, lattices=1)
+    line = repr(alone)
+    assert line.startswith("Result(exponential_wall, 60 points, restitution 0.")
+    assert len(line) < 100
+    html = alone._repr_html_()
+    assert "restitution e" in html and f"{alone.error:.0e}"[0] in html
+    (image,) = re.findall('data:image/png;base64,[^"]+', html)
+    assert len(html) - len(image) < 2500
+    figure = alone.plot()
+    assert "lattices" not in figure._suptitle.get_text()
+    assert (figure.axes[1].lines[0].get_ydata() == alone.series["wall_force"]).all()
+    assert figure._repr_png_()[:4] == alone._repr_png_()[:4] == b"\x89PNG"

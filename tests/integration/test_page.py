@@ -98,30 +98,6 @@ def test_a_page_opens_obeys_and_computes_what_run_does(served, each_browser, tmp
 
 
 @pytest.mark.validate
-def test_a_body_is_drawn_thrown_and_saved_the_same(served, each_browser, tmp_path):
-    browser = each_browser
-    program, url = served
-    browser.open(url)
-    (left, top), disk = browser.disk()
-    turn = np.linspace(0.0, 6.5, 40)  # beyond its start
-    egg = np.column_stack([0.7 * np.cos(turn), np.sin(turn)])
-    eight = np.column_stack([np.sin(turn), np.sin(2.0 * turn)])
-    for line, text in ((eight, "self-intersection at ("), (egg, "1 R = 0.6")):
-        browser.click("draw")
-        browser.trace([left, top] + 0.8 * disk * line)
-        seen = "return sandbox.ui.message.textContent + sandbox.panel.warnings"
-        assert browser.wait(lambda text=text, seen=seen: text in browser.script(seen))
-    browser.click("drop")
-    (result,) = browser.wait(browser.results, 60.0)
-    for name, part in (("outline.svg", "outline"), ("scene.yaml", "scene")):
-        (tmp_path / name).write_text(browser.script(f"return sandbox.{part}"))
-    again = run(tmp_path / "scene.yaml", lattices=1)
-    assert result["value"] == again.restitution
-    assert again.lattice.origin.startswith("outline.svg")
-    ended(program)
-
-
-@pytest.mark.validate
 def test_a_page_keeps_its_disk_over_a_reload_and_while_nobody_answers(
     served, each_browser
 ):

@@ -96,7 +96,7 @@ def test_every_key_takes_what_is_within_its_bounds_and_nothing_else(kind):
         for value in refused[:2] + refused[-1:]:
             with pytest.raises(InputError) as refusal:
                 load_scene({"scene": kind, section: {name: value}})
-            assert str(refusal.value).encode()
+            assert f"{section}.{name}: must be ".encode() in str(refusal.value).encode()
 
 
 def test_a_scene_cannot_be_changed_and_an_int_becomes_a_float():

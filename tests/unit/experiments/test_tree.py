@@ -1,7 +1,6 @@
 """Messages about a faulty scene: place, key, range, nearest name, all at once."""
 
 import difflib
-import re
 
 import pytest
 from hypothesis import example, given, settings, strategies as st
@@ -100,58 +99,31 @@ def test_a_single_fault_is_one_line_with_its_place(path, row):
     assert fault.startswith(beginning)
 
 
-# values that no key takes, and how they are shown
-UNFIT = {"": "nothing", "[1]": "a list", "{}": "an empty mapping", ".nan": ".nan"}
+FAULTY = """scene: compression
+video:
+  theme:
+  size: .nan
+  fpsx: {}
+lattice:
+  points: 60
+  seed: 3
+  seed: 3
+  file: {}
+"""
+SAID = """3:9: video.theme: must be light or dark, not nothing
+4:9: video.size: must be auto or an even whole number from 64 to 2160 [px], not .nan
+5:3: video.fpsx: unknown key; did you mean fps?
+9:3: lattice.seed: is given twice, first in line 8
+10:9: lattice.file: must be none or the name of a file, not an empty mapping
+--set wall.a=[1]: wall.a: must be a number from 0.1 to 1e6 [1/R], not a list
+--set time.dt=: time.dt: must be auto or a number from 1e-9 to 1000 [R/c], not nothing
+"""
 
 
-@st.composite
-def faulty_scenes(draw):
-    """Return a scene file with several faults, options with further ones, and what is
-    to be said about each of them."""
-    kind = draw(st.sampled_from(sorted(SCENES)))
-    sections = SCENES[kind].sections()
-    names = draw(st.permutations([*sections]))
-    in_file = draw(st.integers(1, len(names)))
-    lines = [f"scene: {kind}"]
-    options = []
-    expected = []
-    for name in names:
-        is_option = name in names[in_file:]
-        if not is_option:
-            lines.append(f"{name}:")
-        keys = st.sampled_from([*sections[name].schema()])
-        for key in draw(st.lists(keys, min_size=1, max_size=3, unique=True)):
-            value = draw(st.sampled_from([*UNFIT]))
-            place = f"{len(lines) + 1}:"
-            wrong = rf"{name}\.{key}: must be .+, not {re.escape(UNFIT[value])}[ ;]"
-            if is_option:
-                options.append(f"{name}.{key}={value}")
-                expected.append(rf"--set {re.escape(options[-1])}: {wrong}")
-                continue
-            lines.append(f"  {key}: {value}".rstrip())
-            fault = draw(st.sampled_from(["value", "name", "twice"]))
-            if fault == "value":
-                column = len(f"  {key}: ") + bool(value)
-                expected.append(f"{place}{column}: {wrong}")
-            elif fault == "name":
-                lines[-1] = f"  {key}x: {value}"
-                unknown = rf"{name}\.{key}x: unknown key; did you mean {key}\?$"
-                expected.append(f"{place}3: {unknown}")
-            else:
-                lines[-1] = f"  {key}: {getattr(sections[name], key)}"
-                lines.append(lines[-1])
-                twice = rf"{name}\.{key}: is given twice, first in line {place[:-1]}$"
-                expected.append(f"{len(lines)}:3: {twice}")
-    return "\n".join(lines), options, expected
-
-
-@settings(max_examples=25, deadline=None)
-@given(scene=faulty_scenes())
-def test_all_faults_are_listed_together_in_the_order_of_the_file(path, scene):
-    text, options, expected = scene
-    found = faults(path, text, *options)
-    for line, pattern in zip(found, expected, strict=True):
-        assert re.match(pattern, line), (line, pattern)
+def test_all_faults_are_listed_together_in_the_order_of_the_file(path):
+    found = faults(path, FAULTY, "wall.a=[1]", "time.dt=")
+    for line, beginning in zip(found, SAID.splitlines(), strict=True):
+        assert line.startswith(beginning)
 
 
 OUT_OF_RANGE = (

@@ -33,12 +33,8 @@ ACTS = (
     {"do": "press", "key": "space"},
     *3 * (None,),
     {"do": "scrub", "t": 2.0},
-    {"do": "press", "key": "space"},
-    {"do": "set", "key": "video.colour", "value": "kinetic"},
     {"do": "play", "number": 1},
-    {"do": "press", "key": "x"},
     {"do": "play", "number": 2},
-    {"do": "set", "key": "compression.pressure", "value": 0.2},
 )
 
 
