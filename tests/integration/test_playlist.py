@@ -15,9 +15,9 @@ SMALL = {"lattice.points": 60}
 def shares(text):
     """Return the shares of the energy in a sentence [%] by what has them."""
     taken = re.findall(r"(\w+) took ([\d.]+) %", text)
-    rings = re.findall(r"([\d.]+) % still (rings)", text)
+    left = re.findall(r"([\d.]+) % is (left) in the disk", text)
     found = {name: float(share) for name, share in taken}
-    return found | {name: float(share) for share, name in rings}
+    return found | {name: float(share) for share, name in left}
 
 
 def test_each_scene_asks_a_question():
@@ -53,7 +53,7 @@ def test_an_impact_says_where_its_energy_is(name, losses):
     inertia = ((disk - disk.mean(axis=0)) ** 2).sum(axis=1).mean()
     flight = 0.5 * (series["com_vx"][-1] ** 2 + series["com_vy"][-1] ** 2)
     rest -= (flight + series["angular_momentum"][-1] ** 2 / (2.0 * inertia)) / energy
-    assert found.pop("rings", 0.0) == pytest.approx(100.0 * rest, rel=0.05, abs=0.06)
+    assert found.pop("left", 0.0) == pytest.approx(100.0 * rest, rel=0.05, abs=0.06)
     assert not found
 
 

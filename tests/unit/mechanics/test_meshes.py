@@ -78,6 +78,7 @@ def test_a_mesh_is_flat_in_any_plane_of_axes_in_single_precision(tmp_path, axes,
     assert disk.notes == tuple(f"a.vtu lies in the plane of {one}" for one in note)
 
 
+@pytest.mark.usefixtures("here")
 @pytest.mark.skipif(find_spec("h5py") is not None, reason="h5py is installed")
 def test_a_package_that_a_format_needs_is_named(tmp_path):
     path = tmp_path / "a.med"
@@ -156,12 +157,11 @@ $EndElements
 """
 
 
+@pytest.mark.usefixtures("here")
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
         ("a.msh", CURVE.format(last=2), r"\(physical groups: rim\); if there"),
-        # meshio makes a table of all numbers up to the largest
-        ("a.msh", CURVE.format(last=2 * 10**9), r"cannot read .*\(Unable to allocate"),
         ("a.inp", "*NODE\n1,0,0\n*Include,INPUT=a.inp\n", "it includes another file"),
         ("a.dat", "0 1\n", r"it is no .dat file\): write its points as a table"),
         ("a.xyz", "0\n", r"write its points as a table \(.csv\)"),
@@ -182,6 +182,13 @@ def test_a_damaged_mesh_is_refused_and_nothing_printed(tmp_path, capfd, name, co
     with pytest.raises(InputError, match=f"^lattice.file: {re.escape(str(path))}: "):
         Lattice.read(path)
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_mesh_that_fills_the_memory_is_refused(tmp_path):
+    # meshio makes a table of all numbers up to the largest
+    (tmp_path / "a.msh").write_text(CURVE.format(last=2 * 10**9))
+    with pytest.raises(InputError, match=r"cannot read .*\(Unable to allocate"):
+        Lattice.read(tmp_path / "a.msh")
 
 
 def test_without_meshio_the_message_says_how_to_install_it(tmp_path, monkeypatch):
