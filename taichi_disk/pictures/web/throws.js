@@ -63,7 +63,7 @@ export class Throws {
     const set = (key, value) => this.refuse(this.want({ ...this.wanted, [key]: value }));
     this.sliders = new Controls(() => ui.numbers, set, this.refuse);
     ui.throws.hidden = ui.list.hidden = false;
-    document.querySelector("main").classList.add("throws");
+    ui.main.classList.add("throws");
     ui.throw.onclick = () => this.throw(true);
     ui.stop.onclick = () => {
       this.end();
@@ -159,6 +159,7 @@ export class Throws {
   // End what is computed.
   end() {
     this.job = null;
+    if (document.activeElement === this.ui.stop) this.ui.throw.focus(); // before Stop is hidden
     this.show();
   }
 
