@@ -661,8 +661,9 @@ def test_a_copied_table_has_the_decimal_sign_of_the_browsers_language(browser, t
 
 
 TRACK = """
-const { right, top } = document.querySelector('[data-key=eta] input').getBoundingClientRect();
-return [main.scrollTop, Math.round(right - 20), Math.round(top + 30)]"""
+const slider = document.querySelector('[data-key=eta] input').getBoundingClientRect();
+const { scrollTop } = document.querySelector('main');
+return [scrollTop, Math.round(slider.right - 20), Math.round(slider.top + 30)]"""
 WHEEL = """
 const wheel = new WheelEvent("wheel", { deltaY: 90, cancelable: true });
 return document.querySelector('figure canvas').dispatchEvent(wheel)"""

@@ -300,7 +300,8 @@ async function play() {
   let isPlaying;
   let isVisible = true;
   let isUsed = false;
-  const isScrolled = () => window.top !== window || ui.main.scrollHeight > ui.main.clientHeight;
+  const main = document.querySelector("main");
+  const isScrolled = () => window.top !== window || main.scrollHeight > main.clientHeight;
 
   const saved = document.querySelectorAll("#disks figure, #line button, .slider, .choice"); // by a browser
   saved.forEach((one) => one.remove());
@@ -419,7 +420,7 @@ async function play() {
   );
   ui.looking.open = matchMedia("(min-width: 960px) and (min-height: 601px)").matches;
   ui.silent?.remove();
-  ui.main.ariaBusy = false;
+  main.ariaBusy = false;
   ui.moment.max = last;
   for (const [moment, name] of head.marks) {
     const style = `left: ${(100 * moment) / last}%`;

@@ -63,7 +63,7 @@ export class Throws {
     const set = (key, value) => this.refuse(this.want({ ...this.wanted, [key]: value }));
     this.sliders = new Controls(() => ui.numbers, set, this.refuse);
     ui.throws.hidden = ui.list.hidden = false;
-    ui.main.classList.add("throws");
+    document.querySelector("main").classList.add("throws");
     ui.throw.onclick = () => this.throw(true);
     ui.stop.onclick = () => {
       this.end();
