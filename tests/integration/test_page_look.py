@@ -14,6 +14,8 @@ from taichi_disk.sandbox.app import list_presets
 from taichi_disk.sandbox.history import Timeline, start_of
 from tests.browser import SETTINGS
 
+HOST = ("127.0.0.1", 0)
+
 
 @pytest.fixture(scope="module")
 def address():
@@ -25,7 +27,8 @@ def address():
         # the thread of the server cannot compile
         Timeline(start_of(entry.load()))
     loop = asyncio.new_event_loop()
-    with socket.create_server(("127.0.0.1", 0)) as listening:
+    with pytest.MonkeyPatch.context() as patch, socket.create_server(HOST) as listening:
+        patch.setattr(server, "QUIET_TIME", 100.0)
         serving = loop.create_task(server.run(sessions, "secret", listening))
         thread = Thread(target=loop.run_until_complete, args=[asyncio.wait([serving])])
         thread.start()
