@@ -118,11 +118,9 @@ def test_a_slider_that_is_held_while_the_scene_changes_is_let_be(session):
     say(session, "set", key="compression.pressure", value=-1e9)
     assert panel(session)["message"] == refused["message"]
     assert panel(session)["refusals"] == refused["refusals"] + 1
-    pressure = session.sandbox.scene.compression.pressure
-    say(session, "set", key="compression.pressure", value=pressure)
-    assert not panel(session)["message"]
     # a number that was typed keeps its digits
     say(session, "set", key="compression.pressure", value=0.0123456)
+    assert not panel(session)["message"]
     assert session.sandbox.scene.compression.pressure == 0.0123456
 
 
