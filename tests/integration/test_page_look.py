@@ -106,7 +106,10 @@ def test_on_paper_are_the_picture_the_parameters_and_the_curves_unstretched(brow
 def test_forced_colours_leave_the_picture_and_the_curves_on_their_own_ground(browser):
     dark = {"name": "prefers-color-scheme", "value": "dark"}
     browser.emulate(features=[{"name": "forced-colors", "value": "active"}, dark])
-    time.sleep(0.5)
+    browser.resize((1280, 900))
+    style = "getComputedStyle(document.querySelector('.plot > i'))"  # beside the ground
+    colour = f"return document.querySelector('.plot > i') && {style}.color"
+    assert browser.wait(lambda: browser.script(colour) == "rgb(255, 255, 255)")
     themes = browser.script("return sandbox.drawing.scene.themes")
     for name in (".stage", ".plot"):
         style = f"getComputedStyle(document.querySelector('{name}'))"

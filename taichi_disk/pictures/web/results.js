@@ -226,7 +226,9 @@ export function showResults(table, results) {
     return row([...cells, element("td", {}, remove)]);
   });
   const head = row(keys.map((key) => element("th", { scope: "col" }, COLUMNS[key] || load)));
+  const { remove: focused } = document.activeElement.dataset;
   table.replaceChildren(element("thead", {}, head), element("tbody", {}, ...rows.reverse()));
+  table.querySelector(`[data-remove="${Math.min(focused, results.length - 1)}"]`)?.focus();
 }
 
 export function asText(table, separator) {
