@@ -156,8 +156,9 @@ def _refuse_thin(body: Any, points: int) -> None:
     remedy = "round it off"
     if enough < MAX_POINTS:
         remedy += f", or take some {enough:,} points"
-    spot = shown_point(place)
-    raise InputError(f"at {spot} the body, a hole or a notch is too thin: {remedy}")
+    raise InputError(
+        f"at {shown_point(place)} the body, a hole or a notch is too thin: {remedy}"
+    )
 
 
 def _thin_place(body: Any, points: int) -> Array | None:
