@@ -439,6 +439,7 @@ def test_a_full_file_system_leaves_no_film(run, tmp_path, monkeypatch, suffix, r
 
 
 @needs_vulkan
+@pytest.mark.usefixtures("one_artist")
 def test_curves_are_begun_before_what_they_need_last(run, tmp_path, monkeypatch):
     events = []
     begin = Artist.begin
