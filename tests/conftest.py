@@ -37,6 +37,7 @@ COMPUTING = {
     "test_step_control",
     "test_study",
 }
+LAST = {"test_api": "a4", "test_sweep": "b2"}  # their threads let Taichi start anew
 
 
 def pytest_addoption(parser):
@@ -62,9 +63,9 @@ def pytest_collection_modifyitems(config, items):
     gc.enable()
     gc.set_threshold(100_000, 20, 50)  # to look for garbage took 4 % of the time
     items.sort(key=part_of)
-    first = [item for item in items if part_of(item) < "b"]
-    second = [item for item in items if part_of(item) == "b"]
-    others = [item for item in items if part_of(item) > "b"]
+    first, second, others = (
+        [item for item in items if part_of(item).startswith(half)] for half in "abc"
+    )
     room = max(0, len(items) // 2 - len(first))
     items[:] = [*first, *others[:room], *second, *others[room:]]
 
@@ -81,12 +82,12 @@ def part_of(item):
         return "a1"
     if name in SANDBOX:
         return "a2"
-    if name == "test_api":  # the threads in it let Taichi start anew
-        return "a4"
+    if name in LAST:
+        return LAST[name]
     if folder == "integration" and name < "test_s":  # half of the time
         return "a3"
     if folder in ("integration", "physics") or name in COMPUTING:
-        return "b"
+        return "b1"
     return "c"
 
 

@@ -39,7 +39,7 @@ from taichi_disk.sandbox.graphs import CURVES, ScaleMaxima, curve_values, graphs
 from taichi_disk.sandbox.sandbox import Sandbox, load_key, value_of
 
 MAX_BYTES = 2**10  # limit of a page's message
-MAX_NUMBER = 1e7  # limit of a number in it
+MAX_NUMBER = 1e15  # limit of a number in it; a scene has its own limits
 # most commands that wait for the next picture; of some, only the latest counts
 _MAX_PENDING = 64
 _COMMANDS = TABLES["commands"]

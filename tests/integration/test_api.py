@@ -56,6 +56,14 @@ def test_names_are_completed_before_anything_is_imported():
     assert "standard_error" in {one.name for one in program.complete()}
 
 
+@pytest.mark.validate
+def test_a_type_checker_finds_a_name_that_does_not_exist(tmp_path):
+    lines = "from taichi_disk import rnu\nfrom taichi_disk.mechanics import Latice"
+    (tmp_path / "own.py").write_text(lines)
+    done = python("-m", "mypy", tmp_path / "own.py", cwd=tmp_path)
+    assert done.stdout.count("[attr-defined]") == 2, done.stdout
+
+
 def test_states_are_those_of_the_time_series(result):
     series = result.series
     times, x, v = result.trajectory(series["t"][::20])
@@ -250,31 +258,6 @@ def test_what_cannot_be_computed_as_given_is_refused(result, tmp_path):
     with pytest.raises(InputError, match="5 runs side by side: compare 4 at most"):
         result.film(never, compare=[result] * 4)
     assert list(tmp_path.iterdir()) == []
-
-
-def results_of_threads():
-    """Return what four threads compute of two scenes."""
-    with ThreadPoolExecutor(4) as threads:
-        return list(threads.map(results_of_scene, range(4)))
-
-
-def results_of_scene(k):
-    scene = load_scene("exponential_wall", ["lattice.points=30"])
-    result = run(scene.with_(eta_star=10 * (k % 2)), lattices=1)
-    state = result.state(5.0)
-    moved = result.trajectory([1.0, 4.0])[1]
-    return result.restitution, state.positions.tobytes(), moved.tobytes()
-
-
-def test_threads_that_compute_different_scenes_have_the_results_of_one():
-    assert results_of_threads() == 2 * [results_of_scene(k) for k in (0, 1)]
-
-
-@pytest.mark.validate
-def test_threads_may_be_the_first_that_compute_in_a_process():
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        there = pool.submit(results_of_threads).result()
-    assert there == 2 * [results_of_scene(k) for k in (0, 1)]
 
 
 ONE_NUMBER = """
@@ -628,3 +611,31 @@ def test_messages_in_python_name_arguments(result, tmp_path, monkeypatch):
 def test_defaults_can_be_pickled_as_caches_of_functions_do(function):
     for parameter in inspect.signature(function).parameters.values():
         assert pickle.loads(pickle.dumps(parameter.default)) == parameter.default
+
+
+# ---- threads, at the end, because Taichi starts anew for them
+
+
+def results_of_threads():
+    """Return what four threads compute of two scenes."""
+    with ThreadPoolExecutor(4) as threads:
+        return list(threads.map(results_of_scene, range(4)))
+
+
+def results_of_scene(k):
+    scene = load_scene("exponential_wall", ["lattice.points=30"])
+    result = run(scene.with_(eta_star=10 * (k % 2)), lattices=1)
+    state = result.state(5.0)
+    moved = result.trajectory([1.0, 4.0])[1]
+    return result.restitution, state.positions.tobytes(), moved.tobytes()
+
+
+def test_threads_that_compute_different_scenes_have_the_results_of_one():
+    assert results_of_threads() == 2 * [results_of_scene(k) for k in (0, 1)]
+
+
+@pytest.mark.validate
+def test_threads_may_be_the_first_that_compute_in_a_process():
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        there = pool.submit(results_of_threads).result()
+    assert there == 2 * [results_of_scene(k) for k in (0, 1)]

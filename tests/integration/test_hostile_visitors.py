@@ -29,7 +29,9 @@ PLAYLIST = [
 
 
 @pytest.fixture
-def sessions(kernels):
+def sessions(kernels, monkeypatch):
+    # Whether a kernel is compiled meanwhile would depend on the time.
+    monkeypatch.setattr(server, "QUIET_TIME", 100.0)
     return Sessions(2 * PLAYLIST)
 
 

@@ -501,6 +501,9 @@ def test_the_task_is_in_the_file_and_a_button_clears_it(browser, tmp_path):
     assert browser.script(HERE) == "#v=0.05&eta=10&goal=0.75"
 
 
+NAME = "return document.activeElement.ariaLabel"
+
+
 def test_a_long_throw_is_stopped_or_replaced_and_the_old_one_shown(browser, tmp_path):
     path = api.run(throwable(**{"lattice.points": 300}), lattices=1).film(
         tmp_path / "film.html"
@@ -515,16 +518,20 @@ def test_a_long_throw_is_stopped_or_replaced_and_the_old_one_shown(browser, tmp_
     shown = title_of(browser)
     browser.type("v", "0.001")
     browser.type("eta", "100")
+    browser.script("document.getElementById('throw').focus()")
     browser.click("throw")
     is_busy = "return document.querySelector('#throws.busy') && bar.value > 0"
     browser.wait(lambda: browser.script(is_busy))
     assert browser.text("throw").endswith(" %")
+    assert browser.script(NAME) == "Throw"  # which no screen reader reads again
     assert title_of(browser) == shown
     waited = browser.script(
-        "const from = performance.now(); document.getElementById('stop').click();"
+        "const from = performance.now(); const one = document.getElementById('stop');"
+        "one.focus(); one.click();"
         "return [performance.now() - from, document.querySelector('.busy')]"
     )
     assert waited[0] < 100.0 and waited[1] is None
+    assert browser.script(NAME) == "Throw"
     assert browser.text("throw") == "Throw"
     assert browser.text("told") == "Stopped: Throw begins again."
     browser.click("throw")
@@ -600,8 +607,11 @@ def test_a_table_takes_the_addresses_of_others_and_survives_a_reload(browser, th
     browser.wait(lambda: title_of(browser))
     browser.script("document.getElementById('list').open = true")
     browser.wait(lambda: browser.script(SPEEDS) == expected)
-    browser.script("document.querySelector('#table button').click()")
+    browser.script(
+        "const one = document.querySelector('#table button'); one.focus(); one.click()"
+    )
     assert browser.script(dots) == 4
+    assert browser.script("return document.activeElement.dataset.remove") == "3"
     browser.emulate(media="print")
     assert browser.visible("table") and not browser.visible("throw")
     browser.emulate()
@@ -650,11 +660,26 @@ def test_a_copied_table_has_the_decimal_sign_of_the_browsers_language(browser, t
     assert re.search(r"\ne\t0,\d+\t0,1\t15\n", browser.script("return window.copied"))
 
 
-def test_a_finger_on_the_film_scrolls_its_page_to_the_end(browser, thrown):
-    browser.resize((640, 360))
+TRACK = """
+const slider = document.querySelector('[data-key=eta] input').getBoundingClientRect();
+const { scrollTop } = document.querySelector('main');
+return [scrollTop, Math.round(slider.right - 20), Math.round(slider.top + 30)]"""
+WHEEL = """
+const wheel = new WheelEvent("wheel", { deltaY: 90, cancelable: true });
+return document.querySelector('figure canvas').dispatchEvent(wheel)"""
+
+
+def test_a_finger_or_wheel_on_the_film_scrolls_its_page_to_the_end(browser, thrown):
     throw_at(browser, thrown)
+    assert not browser.script(WHEEL)
+    browser.resize((640, 360))
+    assert browser.script(WHEEL)  # is left to the page
     browser.drag((320, 160), (320, 40), touch=True)
-    assert browser.script("return document.querySelector('main').scrollTop") > 50
+    scrolled, x, y = browser.script(TRACK)
+    assert scrolled > 50
+    browser.drag((x, y), (x, y - 100), touch=True)  # a finger that meets a slider
+    assert browser.script(TRACK)[0] > scrolled
+    assert numbers_in(browser) == OWN
     assert browser.script("return document.querySelector('aside').clientHeight") > 88
 
 

@@ -14,6 +14,8 @@ from taichi_disk.sandbox.app import list_presets
 from taichi_disk.sandbox.history import Timeline, start_of
 from tests.browser import SETTINGS
 
+HOST = ("127.0.0.1", 0)
+
 
 @pytest.fixture(scope="module")
 def address():
@@ -25,7 +27,8 @@ def address():
         # the thread of the server cannot compile
         Timeline(start_of(entry.load()))
     loop = asyncio.new_event_loop()
-    with socket.create_server(("127.0.0.1", 0)) as listening:
+    with pytest.MonkeyPatch.context() as patch, socket.create_server(HOST) as listening:
+        patch.setattr(server, "QUIET_TIME", 100.0)
         serving = loop.create_task(server.run(sessions, "secret", listening))
         thread = Thread(target=loop.run_until_complete, args=[asyncio.wait([serving])])
         thread.start()
@@ -103,7 +106,10 @@ def test_on_paper_are_the_picture_the_parameters_and_the_curves_unstretched(brow
 def test_forced_colours_leave_the_picture_and_the_curves_on_their_own_ground(browser):
     dark = {"name": "prefers-color-scheme", "value": "dark"}
     browser.emulate(features=[{"name": "forced-colors", "value": "active"}, dark])
-    time.sleep(0.5)
+    browser.resize((1280, 900))
+    style = "getComputedStyle(document.querySelector('.plot > i'))"  # beside the ground
+    colour = f"return document.querySelector('.plot > i') && {style}.color"
+    assert browser.wait(lambda: browser.script(colour) == "rgb(255, 255, 255)")
     themes = browser.script("return sandbox.drawing.scene.themes")
     for name in (".stage", ".plot"):
         style = f"getComputedStyle(document.querySelector('{name}'))"

@@ -57,12 +57,12 @@ step("twice as fast at most", () => {
 });
 step("no number", () => type("speed", "fast"));
 step("zoomed and moved", () => {
-  const wheel = new WheelEvent("wheel", { deltaY: -90, cancelable: true });
-  Object.defineProperties(wheel, { offsetX: { value: 100 }, offsetY: { value: 120 } });
-  panes[1].dispatchEvent(wheel);
   pointer(panes[0], "pointerdown", 50, 50);
   pointer(panes[0], "pointermove", 80, 45);
   pointer(panes[0], "pointerup", 80, 45);
+  const wheel = new WheelEvent("wheel", { deltaY: -90, cancelable: true });
+  Object.defineProperties(wheel, { offsetX: { value: 100 }, offsetY: { value: 120 } });
+  panes[1].dispatchEvent(wheel);
 });
 step("in a window of another size", () => stage.observers[1]());
 step("seen as a whole", () => get("whole").click());

@@ -63,7 +63,9 @@ def read_outline(path: Path) -> list[Array]:
         if shape is not drawing and tag in _MISPLACED:
             raise InputError(f"a path is inside of <{tag}>: take it out, or delete it")
         if shape.values.keys() & {"clip-path", "mask"}:
-            raise InputError("a path is clipped or masked: cut it to its shape")
+            raise InputError(
+                "a path is clipped or masked: release the clip, or cut it to its shape"
+            )
         is_path = isinstance(shape, svgelements.Shape)
         if not is_path or shape.values.get("visibility") == "hidden":
             continue

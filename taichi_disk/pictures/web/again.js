@@ -159,7 +159,6 @@ export class Again {
     const y = mixed(one.com_y, next.com_y);
     const force = (i) => a * V0 * Math.exp(-a * x[2 * i + 1]);
     const pushed = [...disk.masses.keys()].filter((i) => force(i) > LEAST_FORCE * fullForce);
-    const centresBefore = states.slice(0, k + 1).map((each) => [centre, each.com_y]);
     return {
       t: place,
       x,
@@ -167,7 +166,7 @@ export class Again {
       limit: (limits[quantity] ??= this.limit(quantity)),
       forces: pushed.flatMap((i) => [i, 0, force(i)]),
       fullForce,
-      path: [...centresBefore, [centre, y]],
+      path: [...states.slice(0, k + 1).map((each) => [centre, each.com_y]), [centre, y]],
       row: { com_x: centre, com_y: y },
       velocity: [0, mixed(one.com_vy, next.com_vy) / this.v],
     };

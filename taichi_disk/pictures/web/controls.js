@@ -24,13 +24,12 @@ export function readNumber(text) {
 // value, `say` with a sentence about a text that is no number.
 class Slider {
   constructor(key, set, say) {
-    const number = { type: "text" };
     this.name = element("span");
     this.symbol = element("small");
     this.ends = [element("i"), element("i")];
     this.range = element("input", { type: "range", step: "any" });
-    this.number = element("input", number);
-    this.degrees = element("input", { ...number, ariaLabel: "angle in degrees" });
+    this.number = element("input", { type: "text" });
+    this.degrees = element("input", { type: "text", ariaLabel: "angle in degrees" });
     const fields = key === "impact.angle" ? [this.number, this.degrees] : [this.number];
     this.node = element(
       "div",
@@ -47,6 +46,12 @@ class Slider {
     };
     this.range.oninput = () => this.spec.live && lead();
     this.range.onchange = lead;
+    this.range.onpointerdown = () => (this.before = [this.range.value, this.spec.value]);
+    // A finger that scrolls the page from here on changes nothing.
+    this.range.onpointercancel = () => {
+      this.range.value = this.before[0];
+      if (this.spec.live) set(key, this.before[1]);
+    };
     // What is being typed is not written over.
     this.node.oninput = ({ target }) => (this.edited = target);
     this.node.onfocusout = () => (this.edited = null);

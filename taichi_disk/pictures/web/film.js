@@ -299,7 +299,9 @@ async function play() {
   let before = 0;
   let isPlaying;
   let isVisible = true;
-  let isUsed = window.top === window;
+  let isUsed = false;
+  const main = document.querySelector("main");
+  const isScrolled = () => window.top !== window || main.scrollHeight > main.clientHeight;
 
   const saved = document.querySelectorAll("#disks figure, #line button, .slider, .choice"); // by a browser
   saved.forEach((one) => one.remove());
@@ -310,8 +312,8 @@ async function play() {
     zoom: (...at) => all((one) => one.zoom(...at)),
   };
   for (const { canvas } of panes) {
-    // In a frame of a page that scrolls, the wheel zooms the film only after a press.
-    canvas.addEventListener("wheel", (event) => isUsed || event.stopImmediatePropagation());
+    // Where a page scrolls, the wheel zooms the film only after a press.
+    canvas.addEventListener("wheel", (event) => isUsed || !isScrolled() || event.stopImmediatePropagation());
     canvas.addEventListener("pointerdown", () => (isUsed = true));
     followPointers(canvas, view, show);
     canvas.ondblclick = ui.whole.onclick = seeAll;
@@ -366,8 +368,7 @@ async function play() {
     settings.theme = theme;
     controls.show(specs.map((spec) => ({ ...spec, value: settings[spec.key] })));
     document.documentElement.dataset.theme = theme;
-    const { velocity } = scene.themes[theme];
-    document.documentElement.style.setProperty("--velocity", velocity);
+    document.documentElement.style.setProperty("--velocity", scene.themes[theme].velocity);
     all((one) => one.set({ ...settings, ...checked(ui.options) }));
     show();
   }
@@ -419,7 +420,7 @@ async function play() {
   );
   ui.looking.open = matchMedia("(min-width: 960px) and (min-height: 601px)").matches;
   ui.silent?.remove();
-  document.querySelector("main").ariaBusy = false;
+  main.ariaBusy = false;
   ui.moment.max = last;
   for (const [moment, name] of head.marks) {
     const style = `left: ${(100 * moment) / last}%`;
@@ -438,8 +439,7 @@ async function play() {
   };
   ui.moment.oninput = () => goTo(Number(ui.moment.value));
   ui.play.onclick = () => setPlaying(!isPlaying);
-  const seen = new IntersectionObserver(([entry]) => (isVisible = entry.isIntersecting));
-  seen.observe(document.body); // in a frame
+  new IntersectionObserver(([entry]) => (isVisible = entry.isIntersecting)).observe(document.body); // in a frame
   const resized = new ResizeObserver(arrange);
   for (const one of [ui.disks, ui.graphs]) resized.observe(one);
   setPlaying(!matchMedia("(prefers-reduced-motion: reduce)").matches);

@@ -48,10 +48,7 @@ export async function copy(text, tell, done) {
 }
 
 export function download(content, name, type) {
-  const link = element("a", {
-    download: name,
-    href: URL.createObjectURL(new Blob([content], { type })),
-  });
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 1e4);
+  const href = URL.createObjectURL(new Blob([content], { type }));
+  element("a", { download: name, href }).click();
+  setTimeout(() => URL.revokeObjectURL(href), 1e4);
 }

@@ -59,9 +59,8 @@ const slowness = (v) => 1 / Math.sqrt(Math.log(4 / v));
 // Fit eq. (5), e = d1 √(1 − d2/√ln(4c/v)): a straight line of e² over s, with weights that make it
 // the fit to e.
 export function fitRestitution(rows) {
-  const points = rows.map(({ load, value }) => {
-    return { s: slowness(load), square: value ** 2, weight: value ** -2 };
-  });
+  const weighted = ({ load, value }) => ({ s: slowness(load), square: value ** 2, weight: value ** -2 });
+  const points = rows.map(weighted);
   const sum = (term) => points.reduce((total, point) => total + point.weight * term(point), 0);
   const all = sum(() => 1);
   const meanS = sum(({ s }) => s) / all;
@@ -226,7 +225,9 @@ export function showResults(table, results) {
     return row([...cells, element("td", {}, remove)]);
   });
   const head = row(keys.map((key) => element("th", { scope: "col" }, COLUMNS[key] || load)));
+  const { remove: focused } = document.activeElement.dataset;
   table.replaceChildren(element("thead", {}, head), element("tbody", {}, ...rows.reverse()));
+  table.querySelector(`[data-remove="${Math.min(focused, results.length - 1)}"]`)?.focus();
 }
 
 export function asText(table, separator) {

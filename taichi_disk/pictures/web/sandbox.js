@@ -385,10 +385,8 @@ export class Sandbox {
     const before = this.graphs.before ? "; dotted: the throw before" : "";
     this.ui.energies.textContent = `energies [Mc²]${before}`;
     const names = ["force of the wall [Mc²/R], left", `${motion} [${unit}], right`];
-    const spans = curves.slice(-2).map(([, , light, dark], k) => {
-      return element("span", { style: inks(light, dark) }, names[k]);
-    });
-    this.ui.motions.replaceChildren(...spans);
+    const span = ([, , light, dark], k) => element("span", { style: inks(light, dark) }, names[k]);
+    this.ui.motions.replaceChildren(...curves.slice(-2).map(span));
   }
 
   showPanel(panel) {

@@ -159,6 +159,7 @@ export class Throws {
   // End what is computed.
   end() {
     this.job = null;
+    if (document.activeElement === this.ui.stop) this.ui.throw.focus(); // before Stop is hidden
     this.show();
   }
 

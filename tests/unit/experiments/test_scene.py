@@ -61,7 +61,7 @@ def path(tmp_path_factory):
     return tmp_path_factory.mktemp("scenes") / "scene.yaml"
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(scene=scenes())
 def test_a_written_scene_reads_back_equal(path, scene):
     text = scene.to_yaml()

@@ -58,7 +58,6 @@ BAD = [
     *('{"do": "close"}', '{"do": ["press"]}', '{"do": "press"}'),
     '{"do": "pull", "x": 1}',
     '{"do": "pull", "x": 1, "y": null}',
-    '{"do": "pull", "x": 1, "y": 1e9}',
     '{"do": "pull", "x": 1, "y": NaN}',
     '{"do": "set", "key": "impact.gap", "value": 1.0}',
     '{"do": "set", "key": "wall.a", "value": "soft"}',
@@ -113,17 +112,15 @@ def test_a_slider_that_is_held_while_the_scene_changes_is_let_be(session):
         isinstance(one["value"], (int, float)) for one in panel(session)["sliders"]
     )
     # what is said of a refused number goes with a right one, and comes again with it
-    say(session, "set", key="compression.pressure", value=-1.0)
+    say(session, "set", key="compression.pressure", value=-1e9)
     refused = panel(session)
     assert "compression.pressure" in refused["message"]
-    say(session, "set", key="compression.pressure", value=-1.0)
+    say(session, "set", key="compression.pressure", value=-1e9)
     assert panel(session)["message"] == refused["message"]
     assert panel(session)["refusals"] == refused["refusals"] + 1
-    pressure = session.sandbox.scene.compression.pressure
-    say(session, "set", key="compression.pressure", value=pressure)
-    assert not panel(session)["message"]
     # a number that was typed keeps its digits
     say(session, "set", key="compression.pressure", value=0.0123456)
+    assert not panel(session)["message"]
     assert session.sandbox.scene.compression.pressure == 0.0123456
 
 
