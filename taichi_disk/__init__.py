@@ -12,8 +12,6 @@ from taichi_disk.version import __version__
 # Jedi, which completes names in IPython and Spyder, would skip these imports.
 TYPE_CHECKING = __name__ == "typing"
 if TYPE_CHECKING:
-    from typing import Any
-
     from taichi_disk.base.errors import InputError, SimulationError, TaichiDiskError
     from taichi_disk.experiments.scenes import Scene, load_scene, load_sweep
     from taichi_disk.mechanics.lattice import Lattice
@@ -53,9 +51,11 @@ def __dir__() -> list[str]:
     return __all__
 
 
-def __getattr__(name: str) -> Any:
-    # Names are imported on first use, so that `taichi-disk --help` and `check` need
-    # neither Taichi nor SciPy.
-    if name in _MODULES:
-        return getattr(import_module(_MODULES[name]), name)
-    raise AttributeError(f"module 'taichi_disk' has no attribute {name!r}")
+if not TYPE_CHECKING:  # or mypy and Pyright would take every name for one of these
+
+    def __getattr__(name: str) -> object:
+        # Names are imported on first use, so that `taichi-disk --help` and `check` need
+        # neither Taichi nor SciPy.
+        if name in _MODULES:
+            return getattr(import_module(_MODULES[name]), name)
+        raise AttributeError(f"module 'taichi_disk' has no attribute {name!r}")

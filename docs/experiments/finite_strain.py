@@ -1,8 +1,8 @@
 """The error of the exact law of compression, which assumes small strains, for a
 continuum of the lattice's springs.
 
-    python docs/experiments/finite_strain.py     (scikit-fem: pip install
-    '.[experiments]'; half a minute)
+    python docs/experiments/finite_strain.py     (half a minute; needs `pip install
+    scikit-fem`)
 
 The continuum has equally many springs of all directions, which are stretched like the
 material (Cauchy and Born): W = 3 E/2 <(|F e| - 1)^2> per area, with the mean over

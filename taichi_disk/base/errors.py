@@ -58,12 +58,6 @@ def pip_install(what: str) -> str:
     return f"{python} -m pip install '{what}'"
 
 
-def install_extra(name: str) -> str:
-    """Return the command that installs an extra of this package, which is on no
-    package index."""
-    return f"{pip_install(f'.[{name}]')}, in the folder of its source"
-
-
 def nearest(word: Any, names: Iterable[str]) -> list[str]:
     if not isinstance(word, str):
         return []

@@ -7,7 +7,7 @@ A program of your own imports from here what it needs for laws and integrators.
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from taichi_disk.mechanics.integrators import (
@@ -43,8 +43,12 @@ def __dir__() -> list[str]:
     return list(_MODULES)
 
 
-def __getattr__(name: str) -> Any:
-    # on first use, because a scene file is checked without Taichi and SciPy
-    if name in _MODULES:
-        return getattr(import_module(_MODULES[name]), name)
-    raise AttributeError(f"module 'taichi_disk.mechanics' has no attribute {name!r}")
+if not TYPE_CHECKING:  # or mypy and Pyright would take every name for one of these
+
+    def __getattr__(name: str) -> object:
+        # on first use, because a scene file is checked without Taichi and SciPy
+        if name in _MODULES:
+            return getattr(import_module(_MODULES[name]), name)
+        raise AttributeError(
+            f"module 'taichi_disk.mechanics' has no attribute {name!r}"
+        )

@@ -56,6 +56,14 @@ def test_names_are_completed_before_anything_is_imported():
     assert "standard_error" in {one.name for one in program.complete()}
 
 
+@pytest.mark.validate
+def test_a_type_checker_finds_a_name_that_does_not_exist(tmp_path):
+    lines = "from taichi_disk import rnu\nfrom taichi_disk.mechanics import Latice"
+    (tmp_path / "own.py").write_text(lines)
+    done = python("-m", "mypy", tmp_path / "own.py", cwd=tmp_path)
+    assert done.stdout.count("[attr-defined]") == 2, done.stdout
+
+
 def test_states_are_those_of_the_time_series(result):
     series = result.series
     times, x, v = result.trajectory(series["t"][::20])
@@ -320,7 +328,7 @@ def test_a_progress_callback_gets_every_stage_from_its_start(
 
     scene = load_scene(kind).with_({"lattice.points": 60} | keys)
     done = alone(scene, tmp_path / "o", progress=progress, lattices=2)
-    assert calls.pop() == ("lattices", 0, 1)
+    assert [calls.pop(), calls.pop()] == [("lattices", 1, 1), ("lattices", 0, 1)]
     assert list(dict.fromkeys(stage for stage, _, _ in calls)) == stages
     assert calls[0][1] == 0
     for name in stages:

@@ -80,6 +80,9 @@ def test_without_sudo_browsers_are_left_out_and_a_second_time_nothing_is_asked(c
     os.utime(clone / "pyproject.toml")
     os.utime(clone / ".venv/ready-test", (0, 0))
     assert set_up(clone)[1] == ["pip 0"]
+    # what `pip install .` makes, and what hides a later change of this folder
+    (clone / ".venv/lib/python3.11/site-packages/taichi_disk").mkdir(parents=True)
+    assert set_up(clone)[1] == ["pip 0"]
 
 
 def test_without_sudo_and_a_vulkan_driver_films_are_pages(clone):
@@ -191,6 +194,9 @@ def test_an_ordinary_user_makes_a_film_and_a_copy_of_the_folder_does_not_run_the
     shell(f"cp -a . {copy}")
     done = shell(f"cd {copy} && .venv/bin/taichi-disk check exponential_wall", 2)
     assert f"`sh .ci/setup` in {copy}" in done.stderr
+    os.chown(folder / ".venv", 0, 0)
+    os.utime(folder / "pyproject.toml")
+    assert ".venv belongs to another user" in shell("sh .ci/setup", 1).stderr
 
 
 @pytest.fixture

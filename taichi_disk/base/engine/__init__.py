@@ -10,6 +10,8 @@ engine at that moment.
 
 from __future__ import annotations
 
+import atexit
+import os
 import sys
 from contextlib import suppress
 from importlib import import_module
@@ -38,6 +40,9 @@ def __getattr__(name: str) -> Any:
     try:
         module = import_module(NAME)
         internals.patch(module)
+        if os.environ.get("HOME") == os.environ.get(environment.CACHE):
+            # writes the kernels before `environment` removes their folder
+            atexit.register(module.reset)
     except (ImportError, AttributeError) as error:
         sys.modules.pop(NAME, None)  # which may be a file of the user's
         needs = (

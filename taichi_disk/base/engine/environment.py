@@ -62,7 +62,7 @@ def prepare() -> None:
     if not problem:
         return
     folder = tempfile.mkdtemp(prefix="taichi-disk-")
-    # called after the engine, which is imported later, has written its cache
+    # called after the engine's reset, which is registered later
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     NOTICES.warning(
         f"no later run can use this run's compiled kernels ({problem}); {CACHE} names"

@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from taichi_disk.base.errors import InputError, install_extra, printable, reason
+from taichi_disk.base.errors import InputError, pip_install, printable, reason
 from taichi_disk.base.processes.pool import Pool, result_of
 from taichi_disk.mechanics.lattice.triangles import Array, Long
 
@@ -67,7 +67,7 @@ def _read(path: Path) -> Any:
     except ImportError:
         raise InputError(
             "a lattice is read from a .csv, .txt, .tsv or .npz file; for meshes meshio"
-            f" is needed: {install_extra('export')}"
+            f" is needed: {pip_install('meshio')}"
         ) from None
     if re.search(rb"^\*INCLUDE", path.read_bytes(), re.M | re.I):
         raise InputError("it includes another file: write both into one (*INCLUDE)")

@@ -17,7 +17,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import yaml
 
-from taichi_disk.base.errors import InputError, install_extra
+from taichi_disk.base.errors import InputError, pip_install
 from taichi_disk.base.files import (
     PROGRAM,
     atomic_write,
@@ -325,7 +325,7 @@ def check_export(path: Path, format: str | None = None) -> tuple[Path, str]:
     if name == "vtu":
         if find_spec("meshio") is None:
             needed = "the format vtu needs the package meshio"
-            raise InputError(f"{needed}: {install_extra('export')}")
+            raise InputError(f"{needed}: {pip_install('meshio')}")
         check_pictures(path.with_suffix(""))
     prepare_output(path.parent)
     return path, name

@@ -21,7 +21,7 @@ from taichi_disk.base.errors import (
     SimulationError,
     TaichiDiskError,
     described,
-    install_extra,
+    pip_install,
 )
 from taichi_disk.base.machine import can_start_python, cores
 from taichi_disk.base.processes.pool import Pool, awaited
@@ -134,7 +134,7 @@ def _client(address: str) -> Iterator[Any]:
         from distributed import Client
     except ImportError:
         raise InputError(
-            f"Dask needs the package distributed: {install_extra('cluster')}"
+            f"Dask needs the package distributed: {pip_install('distributed')}"
         ) from None
     NOTICES.info(f"waiting for the Dask scheduler at {address}")
     connect = partial(Client, address, timeout=CONNECT_TIMEOUT, set_as_default=False)

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from programs import printed_by
 
 from taichi_disk.base import engine, runtime
 from taichi_disk.base.engine import environment, internals, ti
@@ -16,6 +17,26 @@ from taichi_disk.base.errors import TaichiDiskError
 
 ROOT = Path(__file__).parents[3]
 INIT = "__init__.py"
+
+
+KERNEL = """
+from taichi_disk.base import runtime
+from taichi_disk.base.engine import ti
+runtime.start()
+@ti.kernel
+def one() -> float:
+    return 1.0
+one()
+"""
+
+
+def test_kernels_that_no_later_program_finds_are_removed(tmp_path):
+    (tmp_path / "own.py").write_text(KERNEL)
+    temporary = tmp_path / "t"
+    temporary.mkdir()
+    variables = {environment.CACHE: "/dev/null/x", "TMPDIR": str(temporary)}
+    printed_by(tmp_path / "own.py", env=os.environ | variables)
+    assert not list(temporary.iterdir())
 
 
 @pytest.mark.parametrize(
