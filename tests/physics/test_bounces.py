@@ -65,8 +65,14 @@ def test_a_restitution_is_the_root_of_the_ratio_of_two_heights(bounced):
 
 def test_energy_with_that_of_the_height_is_kept(bounced):
     _, outcome = bounced
-    assert np.ptp(outcome.series["load"]) > 0.9 * 0.05**2 / 2.0
-    assert outcome.summary["energy"]["worst_imbalance"] < 1e-4
+    columns = outcome.series
+    assert np.ptp(columns["load"]) > 0.9 * 0.05**2 / 2.0
+    energy = outcome.summary["energy"]
+    assert energy["worst_imbalance"] < 1e-4
+    stored = columns["vibration"] + columns["elastic"]
+    left = (stored[apexes(columns)[0]] - stored[0]) / columns["translation"][0]
+    assert energy["vibration_left"] == pytest.approx(left)
+    assert "bounces after the first" in outcome.summary["measured"]["vibration_left"]
     assert outcome.summary["warnings"] == []
 
 

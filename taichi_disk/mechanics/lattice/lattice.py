@@ -62,25 +62,34 @@ class Lattice:
 
     Indices refer to rows of `positions`. Real numbers are float64, indices int32. A run
     validates a lattice that it is given, see `checked_disk`.
+
+    Attributes:
+        positions: (n, 2) unloaded [R], in coordinates of the body.
+        bonds: (m, 2), the two points of each spring, the smaller number first. Sorted
+            lexicographically, so the disk's precede the wall's.
+        rest_lengths: (m,) of the springs [R].
+        masses: (n,) of the points [M]; those of the disk add up to 1 M.
+        triangles: (t, 3), counter-clockwise, disk before wall.
+        disk_points: number of points of the disk, which come first.
+        disk_surface: outer outline of the disk, counter-clockwise.
+        wall_surface: of an elastic wall, top side, corners included, ordered by x.
+        wall_boundary: of an elastic wall, left side, bottom, right side.
+        origin: description in titles.
+        stiffness: (m,) factors of k_a, k_b and eta of each spring; None: all are 1.
+        notes: what was changed when the points were read, for the user.
     """
 
-    positions: Array  # (n, 2) unloaded [R], in coordinates of the body
-    # (m, 2), bonds[:, 0] < bonds[:, 1], sorted lexicographically, so the disk precedes
-    # the wall
+    positions: Array
     bonds: Indices
-    rest_lengths: Array  # (m,) [R]
-    masses: Array  # (n,) [M]; those of the disk add up to 1 M
-    triangles: Indices  # (t, 3), counter-clockwise, disk before wall
-    disk_points: int  # number of points of the disk, which come first
-    disk_surface: Indices  # outer outline of the disk, counter-clockwise
-    # elastic wall: top side, corners included, ordered by x
+    rest_lengths: Array
+    masses: Array
+    triangles: Indices
+    disk_points: int
+    disk_surface: Indices
     wall_surface: Indices = field(default_factory=_no_points)
-    # elastic wall: left top corner -> bottom -> right top corner
     wall_boundary: Indices = field(default_factory=_no_points)
-    origin: str = "custom lattice"  # shown in titles
-    # (m,) factors of k_a, k_b and eta of each spring; None: 1
+    origin: str = "custom lattice"
     stiffness: Array | None = None
-    # what was changed when the points were read, for the user
     notes: tuple[str, ...] = ()
 
     @cached_property

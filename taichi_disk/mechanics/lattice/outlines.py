@@ -88,15 +88,15 @@ def filled(
     check_counts(points, seed)
     spacing = least_distance(points, min_spacing)
     rng = np.random.default_rng(seed)
-    body = _polygon(paths)
-    _refuse_thin(body, points)
-    unit = math.sqrt(body.area / math.pi)
-    middle = np.array(body.centroid.coords)
-    body = shapely.transform(body, lambda x: (x - middle) / unit)
+    outline = _polygon(paths)
+    unit = math.sqrt(outline.area / math.pi)
+    middle = np.array(outline.centroid.coords)
+    body = shapely.transform(outline, lambda x: (x - middle) / unit)
     row = edge_spacing(points, body.length, body.area)
     rings = [_along(ring, row, rng) for ring in (body.exterior, *body.interiors)]
     fixed = np.concatenate(rings)
     check_body(fixed, max_offset=1.0)
+    _refuse_thin(outline, points)
     shape = shapely.Polygon(rings[0], rings[1:])
     shapely.prepare(shape)
     # so dense that distances from it are exact to some 1e-3 springs
@@ -131,7 +131,7 @@ def _polygon(paths: list[Array]) -> Any:
         if norms(last - first) > _MAX_GAP * sides.max(initial=0.0):
             raise InputError(
                 f"a path is open from {shown_point(last)} to {shown_point(first)}:"
-                " close or remove it"
+                " join it to the next piece, close it, or remove it"
             )
     paths = sorted(paths, key=lambda path: -shapely.Polygon(path).area)
     body = shapely.Polygon(paths[0], paths[1:])
@@ -158,8 +158,9 @@ def _refuse_thin(body: Any, points: int) -> None:
     remedy = "round it off"
     if enough < MAX_POINTS:
         remedy += f", or take some {enough:,} points"
-    spot = shown_point(place)
-    raise InputError(f"at {spot} the body, a hole or a notch is too thin: {remedy}")
+    raise InputError(
+        f"at {shown_point(place)} the body, a hole or a notch is too thin: {remedy}"
+    )
 
 
 def _thin_place(body: Any, points: int) -> Array | None:

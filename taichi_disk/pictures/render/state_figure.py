@@ -142,8 +142,8 @@ def _label(video: VideoSection, limit: float) -> str:
     if video.colour == "fringes":
         return f"fringe order; one fringe: {limit:.3g} Mc²/R²"
     label = kind.label
-    if kind.low:
-        label += f"  ({kind.low} − … + {kind.high})"
     if kind.unit:
         label += f"  [{kind.unit}]"
+    if kind.low:  # a second line, for small axes
+        label += f"\n{kind.low} − … + {kind.high}"
     return label

@@ -56,8 +56,12 @@ MAX_NAMED_TIMES = 5  # number of times in a notice
 class Result(Outcome):
     """A finished run. It can be pickled and sent to another process.
 
-    Attributes, besides those of `Outcome`:
-        out: folder of the run, if there is one.
+    Attributes, besides `lattice`, `scene` and the results:
+        series: read-only arrays (rows,), one for each column of timeseries.csv.
+        positions, velocities: of all points at the end, (n, 2) [R] and [c].
+        summary: the content of summary.json.
+        scenario: the scene's laws and start.
+        out: folder of the run, or None.
     """
 
     out: Path | None = None

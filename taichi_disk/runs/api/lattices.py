@@ -90,8 +90,8 @@ def compare_lattices(
     seeds = [scene.lattice.seed]
     results = [measured(outcome.scenario, outcome.series)]
     warnings: list[str] = []
+    progress("lattices", 0, count - 1)
     for number in range(1, count):
-        progress("lattices", number - 1, count - 1)
         seed = (scene.lattice.seed + number) % 2**32
         sample = replace(scene, lattice=replace(scene.lattice, seed=seed))
         try:
@@ -106,6 +106,7 @@ def compare_lattices(
             outcome.summary["warnings"].append(
                 f"there is no result on the lattice of seed {seed}: {described(error)}"
             )
+        progress("lattices", number, count - 1)
     for text, warned in by_kind(warnings):
         outcome.summary["warnings"].append(
             f"{warned} of {count - 1} other lattices, one of them: {text}"

@@ -121,8 +121,13 @@ FAULTS = {
     "open.svg": (svg('<path d="M0 4A4 4 0 0 1 8 4"/>'), "open from (8, -4) to (0, -4)"),
     "open.csv": (
         "\n".join(f"{k},{k * k / 90}" for k in range(90)),
-        "close or remove it",
+        "join it to the next piece, close it, or remove it",
     ),
+    "map.csv": (  # metres of a map
+        "458000.1,5432100.2\n458009,5432109\n458009,5432100\n458000,5432109",
+        "self-intersection at (458004.47, 5432104.5)",
+    ),
+    "frame.svg": (svg('<path d="M0 0h99v99h-99zM1 1h97v97h-97z"/>'), "extend over 8"),
     "bow.csv": (
         "0,0\n1,1\n1,0\n0,1",
         "self-intersection at (0.5, 0.5); its points go round the body once",
