@@ -24,15 +24,21 @@ class Modes:
 
     `energies`, `rest` and `anharmonic` add up to the energy without translation and
     rotation.
+
+    Attributes:
+        frequencies: (count,) angular frequencies, ascending [c/R].
+        shapes: (count, n, 2) displacements in the orientation at t = 0, with
+            sum m shape^2 = 1 M.
+        energies: (count,) kinetic and elastic energy of each mode [M c^2].
+        rest: energy of all higher modes [M c^2].
+        anharmonic: energy beyond the linear modes [M c^2]: changed directions of
+            springs, k_b and, with a spin, centrifugal forces.
     """
 
-    frequencies: Array  # (count,) angular frequencies, ascending [c/R]
-    # (count, n, 2) displacements in the orientation at t = 0, with sum m shape^2 = 1 M
+    frequencies: Array
     shapes: Array
-    energies: Array  # (count,) kinetic and elastic energy of each mode [M c^2]
-    rest: float  # energy of all higher modes [M c^2]
-    # Energy beyond the linear modes [M c^2]: changed directions of springs, k_b and,
-    # with a spin, centrifugal forces.
+    energies: Array
+    rest: float
     anharmonic: float
 
 
