@@ -296,24 +296,3 @@ def test_an_interrupt_at_any_moment_ends_with_130_and_leaves_nothing_half_writte
     moments = random.Random(7 + int(number))
     for k in range(4):
         interrupted(tmp_path / str(k) / "o", moments.uniform(0.05, run_time), number)
-
-
-@pytest.mark.validate
-def test_a_killed_run_never_harms_a_finished_one(tmp_path, run_time):
-    moments = random.Random(3)
-    out = tmp_path / "k" / "o"
-    finished = False
-    for _ in range(5):
-        process = subprocess.Popen(
-            into(out), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        )
-        time.sleep(moments.uniform(0.3, 1.1 * run_time))
-        process.kill()
-        process.wait()
-        done = (out / "summary.json").exists()
-        assert done or not finished, "a finished run was lost"
-        finished = finished or done
-        assert not done or summary_in(out)["status"] == "done"
-    subprocess.run(into(out), check=True, capture_output=True)
-    left = [one.name for one in out.parent.iterdir() if ".new." not in one.name]
-    assert left == ["o"]

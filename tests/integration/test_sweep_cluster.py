@@ -149,26 +149,6 @@ def test_a_killed_worker_ends_the_sweep_and_the_same_command_goes_on(
     goes_on(scene, out, expected, "--jobs", "2")
 
 
-def test_parts_at_the_same_time_in_one_folder_one_killed(scene, expected, tmp_path):
-    out = tmp_path / "out"
-    parts = [
-        started(*command(scene, out, "--part", f"{k}/3", "--jobs", "1"))
-        for k in (1, 2, 3)
-    ]
-    wait_until(lambda: count(out) > 3, "no point is done")
-    kill(parts[0])
-    for part in parts[1:]:
-        part.communicate(timeout=PATIENCE)
-        assert part.returncode == 0
-    assert not (out / "points.csv").exists()
-    assert 48 <= count(out) < POINTS
-    part = command(scene, out, "--part", "1/3")
-    subprocess.run(part, capture_output=True, check=True)
-    assert count(out) == POINTS
-    assert finish(scene, out) == 0
-    assert (out / "points.csv").read_bytes() == expected
-
-
 def test_workers_leave_their_kernels_to_the_next_sweep(scene, tmp_path):
     cache = tmp_path / "cache"
     cache.mkdir()

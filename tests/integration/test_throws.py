@@ -34,14 +34,17 @@ const diskOfFilm = ({ again, runs: [{ scene }] }) => {
   const drawn = names.map((name) => [name, decoded(scene[name], Int32Array)]);
   return diskOf(again, Object.fromEntries(drawn));
 };
-"""
-FLY = """
-const found = films.map((film, k) => {
-  const steps = throwing(diskOfFilm(film), ...throws[k]);
+const flight = (disk, numbers) => {
+  const steps = throwing(disk, ...numbers);
   let next;
   do next = steps.next();
   while (!next.done);
-  const { moments, restitution, rows, end, dt } = next.value;
+  return next.value;
+};
+"""
+FLY = """
+const found = films.map((film, k) => {
+  const { moments, restitution, rows, end, dt } = flight(diskOfFilm(film), throws[k]);
   const { elastic, vibration, rotation, translation, dissipated } = rows[end];
   const energies = [elastic, vibration + rotation + translation, dissipated];
   return [restitution, Math.round(rows[end].t / dt), moments[2] - moments[0],
@@ -167,11 +170,7 @@ def test_a_page_knows_every_colour(tmp_path):
 LOOK = """
 console.log(JSON.stringify(films.map((film, k) => {
   const disk = diskOfFilm(film);
-  const steps = throwing(disk, ...throws[k]);
-  let next;
-  do next = steps.next();
-  while (!next.done);
-  const again = new Again(disk, film, next.value, 0);
+  const again = new Again(disk, film, flight(disk, throws[k]), 0);
   const { quantities } = film.runs[0].scene;
   const limits = quantities.map(({ name }) => [name, again.limit(name)]);
   return [again.ringing, Object.fromEntries(limits)];
@@ -267,11 +266,7 @@ FOLLOW = """
 const film = films[0];
 const flown = (rules) => {
   const disk = diskOfFilm({ ...film, again: { ...film.again, rules } });
-  const steps = throwing(disk, ...throws);
-  let next;
-  do next = steps.next();
-  while (!next.done);
-  const one = new Again(disk, film, next.value, 0);
+  const one = new Again(disk, film, flight(disk, throws), 0);
   const { magnify, fullForce, ringing, captions, strengths, end } = one;
   const curves = one.curves.map(({ name }) => name);
   const scale = [magnify, fullForce, one.limit("shear")];

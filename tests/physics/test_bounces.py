@@ -118,13 +118,12 @@ def test_weak_gravity_changes_the_first_bounce_in_proportion(kernels):
     assert abs(left) < plain.summary["error_estimate"]["restitution"]
 
 
-def test_bounces_repeat_bitwise_and_go_on_as_further_ones(kernels, bounced):
-    _, again = computed(kernels, *RINGING)
-    assert again.summary == bounced[1].summary
+def test_bounces_go_on_bitwise_as_further_ones(kernels, bounced):
+    _, more = bounced
     _, fewer = computed(kernels, *RINGING, "impact.bounces=2")
-    assert_array_equal(restitutions(fewer), restitutions(again)[:2])
+    assert_array_equal(restitutions(fewer), restitutions(more)[:2])
     rows = len(fewer.series["t"])
-    assert_array_equal(fewer.series["com_y"], again.series["com_y"][:rows])
+    assert_array_equal(fewer.series["com_y"], more.series["com_y"][:rows])
 
 
 def test_a_disk_bounces_on_a_wall_that_swallows_waves(kernels):

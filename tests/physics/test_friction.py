@@ -240,14 +240,6 @@ def test_a_slow_throw_is_that_of_a_rigid_disk(kernels):
     )
 
 
-def test_friction_alone_brakes_no_straight_throw_and_has_no_e_of_its_own(kernels):
-    _, _, found = impact(kernels, *SMALL, "wall.friction=0.3")
-    _, _, plain = impact(kernels, *SMALL)
-    assert "tangential_restitution" not in found
-    assert list(plain) == ["restitution", "contact_time"]
-    assert found["restitution"] == pytest.approx(plain["restitution"], abs=0.05)
-
-
 @pytest.mark.parametrize("angle", [0.9, -0.9])
 def test_a_disk_flying_sideways_meets_the_middle_of_an_elastic_wall(angle, kernels):
     wall = ("wall.points=160", "wall.width=4", "wall.boundary=pinned")

@@ -131,11 +131,9 @@ TWICE = np.append(DISK.triangles, DISK.triangles[4:5], axis=0)
 )
 def test_a_mesh_that_is_no_disk_is_refused_in_words(tmp_path, points, cells, message):
     path = write(tmp_path / "a.vtu", points, cells)
-    with pytest.raises(InputError) as refusal:
+    text = re.escape(f"lattice.file: {path}: ") + ".*" + re.escape(message)
+    with pytest.raises(InputError, match=f"^{text}"):
         Lattice.read(path)
-    text = str(refusal.value)
-    assert text.startswith(f"lattice.file: {path}: ")
-    assert message in text
 
 
 CURVE = """$MeshFormat

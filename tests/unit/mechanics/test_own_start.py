@@ -1,5 +1,6 @@
 """Lattices that a run stored: what the file holds is checked as what a user gives."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -59,11 +60,9 @@ def test_a_stored_lattice_is_restored_bit_for_bit_with_its_triangles_outline(
 )
 def test_a_stored_lattice_is_checked_as_what_a_user_gives(tmp_path, changes, message):
     path = store(tmp_path / "a.npz", **changes)
-    with pytest.raises(InputError) as refusal:
+    text = re.escape(f"lattice.file: {path}: ") + ".*" + re.escape(message)
+    with pytest.raises(InputError, match=f"^{text}"):
         Lattice.read(path)
-    text = str(refusal.value)
-    assert text.startswith(f"lattice.file: {path}: ")
-    assert message in text
 
 
 def test_velocities_are_an_array_of_a_file_of_arrays(tmp_path):
