@@ -14,29 +14,11 @@ sys.dont_write_bytecode = False
 # a shell ignores Ctrl-C for commands in the background
 signal.signal(signal.SIGINT, signal.default_int_handler)
 gc.disable()  # until all tests are found: they and their modules stay to the end
-SANDBOX = {
-    "test_controls",
-    "test_hostile_visitors",
-    "test_messages",
-    "test_mouse_spring",
-    "test_page",
-    "test_page_look",
-    "test_pages",
-    "test_sandbox",
-    "test_session",
-}
+SANDBOX = """test_controls test_hostile_visitors test_messages test_mouse_spring
+    test_page test_page_look test_pages test_sandbox test_session"""
 # unit tests that compute
-COMPUTING = {
-    "test_diagnostics",
-    "test_driver",
-    "test_error_estimate",
-    "test_model",
-    "test_moments",
-    "test_own_start",
-    "test_plot",
-    "test_step_control",
-    "test_study",
-}
+COMPUTING = """test_diagnostics test_driver test_error_estimate test_model test_moments
+    test_own_start test_plot test_step_control test_study"""
 LAST = {"test_api": "a4", "test_sweep": "b2"}  # their threads let Taichi start anew
 
 
@@ -80,13 +62,13 @@ def part_of(item):
     name = item.path.stem
     if folder == "validation":
         return "a1"
-    if name in SANDBOX:
+    if name in SANDBOX.split():
         return "a2"
     if name in LAST:
         return LAST[name]
     if folder == "integration" and name < "test_s":  # half of the time
         return "a3"
-    if folder in ("integration", "physics") or name in COMPUTING:
+    if folder in ("integration", "physics") or name in COMPUTING.split():
         return "b1"
     return "c"
 
