@@ -1,8 +1,5 @@
-"""Small bodies, models and runs that several test modules use.
-
-Each kind of model is compiled once per integrator and process, so use a model from here
-if one fits.
-"""
+"""Small bodies, models and runs of several test modules. Each kind of model is compiled
+once per integrator and process: use one from here if it fits."""
 
 from dataclasses import replace
 
@@ -56,9 +53,8 @@ FOUR_FORCES = Integrator(
     dashpots="none",
 )
 
-# The largest step is proportional to 1/sqrt(N). At N = 150 this safety gives the
-# automatic step of 1099 points, about 0.017 R/c, for which the bounds on errors are
-# stated.
+# The largest step goes with 1/sqrt(N). At N = 150 this safety gives the automatic step
+# of 1099 points, about 0.017 R/c, for which bounds on errors are stated.
 SMALL = ("lattice.points=150", "time.safety=0.3")
 WALL = (*SMALL, "wall.points=180", "wall.width=3.4")
 

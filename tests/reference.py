@@ -1,7 +1,5 @@
-"""An independent solver: the equations of motion in plain NumPy and SciPy's DOP853.
-
-It shares no code with the program: it uses lattice.npz and the scene's parameters.
-"""
+"""An independent solver: plain NumPy and SciPy's DOP853. It shares no code with the
+program: it uses lattice.npz and the scene's parameters."""
 
 from typing import NamedTuple
 

@@ -62,10 +62,8 @@ def _named(found):
 
 
 def differences(found, known):
-    """Return the lines of `found` that say something else than those of `known`.
-
-    The last digit of a number with a point may differ by two, as processors round.
-    """
+    """Return the lines of `found` that say something else than those of `known`. As
+    processors round, the last digit of a number with a point may differ by two."""
     lines = [found.splitlines(), known.splitlines()]
     if len(lines[0]) != len(lines[1]):
         return [*unified_diff(*reversed(lines), "known", "found", n=0, lineterm="")]

@@ -236,6 +236,7 @@ def test_what_cannot_be_computed_as_given_is_refused(result, tmp_path):
             None, "x"
         ),
         "export: needs a folder": lambda: alone(export="xyz"),
+        "lattices: must be a whole number .* not True": lambda: alone(lattices=True),
         r"out: impact\.velocity=0\.1 looks like a change": lambda: alone(
             SCENE, "impact.velocity=0.1"
         ),
@@ -243,12 +244,16 @@ def test_what_cannot_be_computed_as_given_is_refused(result, tmp_path):
         "video: must be True or False, not 'no'": lambda: result.save(
             tmp_path, video="no"
         ),
-        "lattices: must be a whole number .* not True": lambda: alone(lattices=True),
         r"impact\.gap.* exceeds 1e-3": lambda: alone(near, velocities=slow),
     }
     for message, act in refusals.items():
         with pytest.raises(InputError, match=message):
             act()
+    for name, most in (("lattices", 10_000), ("threads", cores())):
+        for count in (0, -1, 2.5, "8", most + 1):
+            text = f"{name}: must be a whole number from 1 to {most:,}, .*not {count!r}"
+            with pytest.raises(InputError, match=text):
+                alone(**{name: count})
     for frames in (0, -1, 2.5, 10**12):
         with pytest.raises(InputError, match="frames: must be a whole number"):
             result.export("never.xyz", frames=frames)
@@ -282,13 +287,6 @@ def test_the_threads_of_a_process_are_chosen_once_and_all_its_results_live_on():
     code = ONE_NUMBER.replace("cores", str(cores()))
     printed = printed_by("-c", code)
     assert "this process already computes with" in printed or cores() == 1
-
-
-@pytest.mark.parametrize("threads", [0, -1, 1.5, "2", 100_000, cores() + 1])
-def test_threads_are_a_whole_number_up_to_the_cores(threads):
-    whole = f"threads: must be a whole number from 1 to {cores()}, .*not {threads!r}"
-    with pytest.raises(InputError, match=whole):
-        alone(threads=threads)
 
 
 @pytest.mark.parametrize("number", ["1", "0", "-1", "many", ""])

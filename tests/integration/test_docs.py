@@ -1,7 +1,5 @@
-"""The pages are true: Python blocks run, commands are accepted, links lead somewhere.
-
-Blocks of commands marked ```sh no-run are parsed and checked, never run.
-"""
+"""The pages are true: Python blocks run, commands are accepted (those of blocks marked
+```sh no-run are parsed and checked, never run), links lead somewhere."""
 
 import re
 import shlex

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from taichi_disk import Lattice, Result, load_scene, load_sweep, run, run_sweep
-from taichi_disk.base.errors import InputError, SimulationError
+from taichi_disk.base.errors import SimulationError
 from taichi_disk.runs.api import lattices
 
 LONG = pytest.mark.validate
@@ -176,13 +176,6 @@ def test_an_interrupt_during_another_lattice_ends_the_run(monkeypatch):
     monkeypatch.setattr(lattices, "outcome_of", interrupted)
     with pytest.raises(KeyboardInterrupt):
         run(SCENE, lattices=4)
-
-
-@pytest.mark.parametrize("count", [0, -1, 2.5, "8", 10_001])
-def test_the_number_of_lattices_must_be_whole(count):
-    whole = "lattices: must be a whole number from 1 to 10,000, not"
-    with pytest.raises(InputError, match=whole):
-        run(SCENE, lattices=count)
 
 
 @pytest.mark.validate

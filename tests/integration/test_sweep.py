@@ -261,6 +261,11 @@ def test_a_stored_point_is_read_as_strictly_as_a_scene(tmp_path):
         with pytest.raises(InputError, match=re.escape(message)) as raised:
             swept(*sweep)
         assert str(file) in str(raised.value)
+    half = text[: len(text) // 2]
+    for unreadable in (half, f"[{text}]", "[" * 100_000, "\udcff\udcfe"):
+        file.write_bytes(unreadable.encode("utf-8", "surrogateescape"))
+        with pytest.raises(InputError, match=f"{file.name}.*delete the file"):
+            swept(*sweep)
     file.write_text(text)
     assert swept(*sweep).summary["computed_now"] == 0
 
@@ -320,30 +325,6 @@ def test_a_row_of_a_strained_lattice_is_what_running_its_scene_gives_at_any_k_b(
 
 
 # ---- what is there already
-
-
-UNREADABLE = {
-    "half written": lambda text: text[: len(text) // 2],
-    "a list": lambda text: f"[{text}]",
-    "another record": lambda text: '{"numbers": {}}',
-    "brackets": lambda text: "[" * 100_000,
-    "not UTF-8": lambda text: "\udcff\udcfe",
-}
-
-
-@pytest.mark.parametrize("name", UNREADABLE)
-def test_a_result_that_cannot_be_read_is_named(small, scene, tmp_path, name, capsys):
-    shutil.copytree(small.out, tmp_path / "out")
-    path = points(tmp_path / "out")[0]
-    spoilt = UNREADABLE[name](path.read_text())
-    path.write_bytes(spoilt.encode("utf-8", "surrogateescape"))
-    assert main(["sweep", scene, "--out", str(tmp_path / "out"), "--jobs", "1"]) == 2
-    text = capsys.readouterr().err
-    assert text.count("error:") == 1
-    assert path.name in text
-    assert "delete the file" in text
-    assert "Traceback" not in text
-    assert table(tmp_path / "out") == table(small.out)
 
 
 @pytest.mark.validate

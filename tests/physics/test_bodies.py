@@ -65,8 +65,7 @@ def test_a_ring_under_its_own_weight_sinks_as_the_thin_ring_does():
     # pi EI/(2 r^3) sum(n^2 (n^2 - 1)^2 a_n^2) and the work of the load P sum(n a_n),
     # which is also P xi. So
     # xi = P r^3/(pi EI) sum_(n > 1) 1/(n^2 - 1)^2 = P r^3/(pi EI) (pi^2/12 - 11/16).
-    # Under two opposite forces, twice the even n give Timoshenko's (pi/4 - 2/pi) P
-    # r^3/EI.
+    # Two opposite forces: twice the even n give Timoshenko's (pi/4 - 2/pi) P r^3/EI.
     twice_even = [4.0 / np.pi / (n * n - 1.0) ** 2 for n in range(2, 400, 2)]
     assert sum(twice_even) == pytest.approx(np.pi / 4 - 2 / np.pi)
     hole = 0.9

@@ -45,9 +45,8 @@ def rough(seed, roughness, low, high):
 
 @pytest.mark.parametrize("roughness", [0.0, 0.03, 0.06])
 def test_points_find_the_spring_below_and_force_and_torque_balance(roughness, kernels):
-    # Compare with a search over all pairs of points and springs. The surface is so
-    # rough that springs are inclined by 45 degrees, and the disk is anywhere along the
-    # wall, even beyond its ends.
+    # Compare with a search over all pairs of points and springs. Springs are inclined
+    # by up to 45 degrees, the disk is anywhere along the wall, or beyond its ends.
     plain = reference.Model(LATTICE, BARE)
     touching = 0
     for seed in range(12):

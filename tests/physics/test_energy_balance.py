@@ -122,8 +122,7 @@ def test_imbalances_fall_with_the_square_of_steps(scene, eta_star, integrator, k
 def test_the_imbalance_once_nothing_vibrates_falls_with_the_fourth_power(
     scene, eta_star, integrator, kernels
 ):
-    """E_2 is then 0, and the energy taken by dashpots is summed to the order of the
-    remaining terms."""
+    """E_2 is then 0, and the loss in dashpots is summed to the order of the rest."""
     lattice, velocities, model = bouncing(scene, N, eta_star / N, height=0.12)
     closing = []
     for steps in (400, 800):

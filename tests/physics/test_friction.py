@@ -53,8 +53,7 @@ def test_a_disk_that_slides_takes_mu_times_the_normal_impulse(kernels):
 def test_spin_and_sideways_velocity_change_by_just_what_the_wall_does(throw, kernels):
     # Compute the wall's force from the motion alone: spring forces cancel and have no
     # torque, so the sum of m a is the wall's force, and its torque about the centre
-    # changes the angular momentum. (The start is so far away that the half force of the
-    # first step is negligible.)
+    # changes the angular momentum. (The half force of the first step is negligible.)
     scenario, outcome, found = impact(kernels, *throw, *ROWS, "impact.gap=0.11")
     columns = outcome.series
     h = outcome.summary["dt"]

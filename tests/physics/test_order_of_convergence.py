@@ -40,8 +40,7 @@ def build(scene, eta):
     lattice, velocities, model = bouncing(scene.removeprefix("sliding "), N, eta)
     if model.elastic is None:
         # A shear breaks the symmetry. Above an elastic wall it would move contacts from
-        # spring to spring, where the force jumps a little and no integrator has an
-        # order.
+        # spring to spring, where the force jumps and no integrator has an order.
         velocities[:, 0] += 0.02 * lattice.positions[:, 1]
     if scene.startswith("sliding"):
         velocities[:, 0] += 0.3

@@ -91,8 +91,7 @@ def test_highest_frequency_and_damping_rate_are_those_of_the_matrices(lattice):
 )
 def test_the_walls_stiffness_is_bounded_by_the_force_on_a_point(wall, masses):
     # omega^2 <= omega_lattice^2 + a F/m on a rigid wall (2 a F/m on an elastic one),
-    # where F is the largest force on one point. This is exact for the undeformed
-    # lattice, whose springs carry no force.
+    # where F is the largest force on one point; exact where springs carry no force.
     for height in (0.02, 0.03, 0.05):
         plain = disk if wall is RIGID else partial(disk_and_wall, wall=45)
         lattice = non_uniform(plain(30, height=height), *masses)

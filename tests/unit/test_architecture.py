@@ -41,9 +41,8 @@ def test_every_package_is_in_an_installation():
 
 
 def test_no_object_is_written_to_by_another_room():
-    # A room is a folder of the package. No file writes an attribute of an object that
-    # is neither its own nor made in the same function, if only classes of other rooms
-    # have such an attribute.
+    # A room is a folder of the package. No file writes an attribute that only classes
+    # of other rooms have, unless the object is its own or made in the same function.
     rooms_of = defaultdict(set)
     for path, nodes in nodes_of_files().items():
         for name in attributes_of_classes(nodes):
@@ -117,8 +116,7 @@ def joins_unlike_values(node):
 
 
 def multiplies_by_a_condition(node):
-    """Whether `node` multiplies a text or a list by something that is no number, as in
-    `"s" * (count > 1)`."""
+    """Whether `node` multiplies a text or a list by no number: `"s" * (count > 1)`."""
     if not (isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult)):
         return False
     is_text = isinstance(getattr(node.left, "value", None), str)

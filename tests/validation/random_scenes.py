@@ -86,10 +86,8 @@ def tolerance_of(number):
 
 
 def wild_scene(number):
-    """Return a scene that may use every key of a scene file.
-
-    Six decades of k_a, five of eta* and of hardness, twelve of V0, four of speed.
-    """
+    """Return a scene that may use every key of a scene file: six decades of k_a, five
+    of eta* and of hardness, twelve of V0, four of speed."""
     draw = Draw(20, number)
     rng = draw.rng
     points, seed, rim, spacing, wall_points, width = draw.one_of(WILD_LATTICES)
@@ -251,10 +249,8 @@ def feature_scene(number):
 
 
 def chaotic_scene(number):
-    """Return an impact whose e depends on the last digits of its start in many cases.
-
-    N 25 to 60 on a hard, soft-springed wall with resets, v 0.1 to 0.2, no dashpots.
-    """
+    """Return an impact that is often chaotic: N 25 to 60 on a hard, soft-springed wall
+    with resets, v 0.1 to 0.2, no dashpots."""
     draw = Draw(37, number)
     rng = draw.rng
     points = int(rng.integers(25, 60))
@@ -282,11 +278,8 @@ def reset_on_hard_wall(number, points, a, settings):
 
 
 def reset_scene(number):
-    """Return an impact on a hard elastic wall of springs that is reset.
-
-    N 60 to 90, v 0.03 to 0.07, a 1000 to 4000, a reset every 0.005 to 0.03 R/c; the
-    contact is the paper's in two of three.
-    """
+    """Return an impact on a hard elastic wall, reset every 0.005 to 0.03 R/c: N 60 to
+    90, v 0.03 to 0.07, a 1000 to 4000, the paper's contact in two of three."""
     draw = Draw(38, number)
     rng = draw.rng
     points = int(rng.integers(60, 91))

@@ -37,11 +37,8 @@ def at_rest(lattice, model, start):
 
 
 def true_result(scenario, outcome, tolerance):
-    """Return e or xi [R] of a scenario, and its uncertainty.
-
-    `tolerance`: the error that is to be judged. If contacts jump or the wall is hard,
-    the true result is computed at two tolerances, whose difference is its uncertainty.
-    """
+    """Return e or xi [R] of a scenario, and its uncertainty: if contacts jump or the
+    wall is hard, the difference at two tolerances. `tolerance`: the judged error."""
     lattice = scenario.lattice
     model = scenario.model
     if not scenario.step_dependent:
@@ -49,8 +46,7 @@ def true_result(scenario, outcome, tolerance):
         return scenario.unloaded - (y.mean() - y.min()), 0.0
     wall = model.wall
     speed = scenario.velocity
-    # Speed far from the wall; its potential at the start is 1e-7 of the kinetic energy,
-    # or 5e-8 of e.
+    # speed far from the wall, whose potential at the start is 5e-8 of e
     far = np.sqrt(speed**2 + 2.0 * wall.energy(lattice, lattice.positions))
     # Go on until the wall's potential, small but not zero, has fallen by e^3.
     t = outcome.series["t"][-1]

@@ -209,12 +209,6 @@ def test_with_changes_keys_and_nothing_else(tmp_path):
         compression.with_(tolerance=1)
 
 
-@pytest.mark.parametrize("source", [5, None, b"a.yaml", ["a"], 1.5])
-def test_a_value_that_is_no_path_is_refused_as_a_scene(source):
-    with pytest.raises(InputError, match="scene: must be a path, not "):
-        load_scene(source)
-
-
 def test_the_name_of_a_lattice_file_starts_from_the_scene_file(tmp_path, monkeypatch):
     there = tmp_path / "there"
     there.mkdir()

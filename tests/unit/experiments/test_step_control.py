@@ -100,8 +100,7 @@ def test_an_imbalance_shortens_the_step_as_order_2_asks(finished):
 
 def test_what_a_fast_spin_loses_counts_against_the_slow_flight(kernels):
     # An error of the energy E affects the kinetic energy K of the flight through the
-    # work of one motion on the other, of the order of sqrt(E K). Relative to K it is
-    # larger by sqrt(E/K).
+    # work of one motion on the other, some sqrt(E K): relative to K sqrt(E/K) more.
     settings = ("impact.velocity=0.01", "impact.spin=1.0", "impact.gap=0.3")
     driver = driver_of(kernels, *SMALL, *settings)
     control = control_of(*SMALL, *settings)

@@ -215,6 +215,9 @@ def test_a_path_that_cannot_be_read_is_refused(tmp_path):
         with pytest.raises(InputError) as refusal:
             load_scene(source)
         str(refusal.value).encode()
+    for source in (5, None, b"a.yaml", ["a"], 1.5):
+        with pytest.raises(InputError, match="scene: must be a path, not "):
+            load_scene(source)
 
 
 def test_a_file_in_the_way_has_precedence_over_a_shipped_scene(tmp_path, monkeypatch):

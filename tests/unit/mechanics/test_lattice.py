@@ -187,8 +187,7 @@ def test_the_disk_has_no_slivers():
     side = np.roll(corner, -1, axis=1) - corner
     side /= np.linalg.norm(side, axis=2, keepdims=True)
     cosine = -np.sum(side * np.roll(side, 1, axis=1), axis=2)
-    # With the smallest distance l and the largest circumradius R, the smallest angle
-    # has sin >= l/(2 R).
+    # smallest distance l, largest circumradius R: the smallest angle has sin >= l/(2 R)
     assert np.degrees(np.arccos(cosine.max())) > 20
 
 

@@ -11,8 +11,7 @@ from taichi_disk.pictures.render.palette import (
     round_near,
 )
 
-# Viénot, Brettel and Mollon 1999: linear RGB as a dichromat without long or medium
-# cones sees it.
+# Viénot, Brettel and Mollon 1999: linear RGB seen without long or medium cones
 DICHROMATS = {
     "protan": np.array(
         [[0.11238, 0.88762, 0.0], [0.11238, 0.88762, 0.0], [0.00401, -0.00401, 1.0]]
