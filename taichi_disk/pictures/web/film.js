@@ -290,7 +290,7 @@ async function play() {
   const ui = elements(document);
   const { head, data } = await unpacked(ui.states.textContent);
   const { runs, fps } = head;
-  const { scene } = runs[0];
+  const { scene } = runs.at(0); // fails here, with a word, in browsers that lack it
   const last = head.cues.length - 1;
   const settings = { ...scene.options, speed: 1 };
   let curves;

@@ -30,15 +30,15 @@ export const COPIED = `Copied, with numbers like 0${SIGN}5: paste it into a tabl
 
 // Return the results in sets with equal parameters: {label, colours, rows}.
 export function inSets(results) {
-  const names = ["result", ...Object.keys(SET_COLUMNS)];
   const sets = new Map();
   for (const row of results) {
-    const key = names.map((name) => row[name]).join();
+    const key = ["result", ...Object.keys(SET_COLUMNS)].map((name) => row[name]).join();
     if (!sets.has(key)) sets.set(key, []);
     sets.get(key).push(row);
   }
   return [...sets.values()].map((rows, k) => {
-    return { label: labelOf(rows[0]), colours: SET_COLOURS[k % SET_COLOURS.length], rows };
+    const alpha = ["", "90", "50"][Math.floor(k / SET_COLOURS.length) % 3]; // paler, when colours come again
+    return { label: labelOf(rows[0]), colours: SET_COLOURS[k % SET_COLOURS.length].map((ink) => ink + alpha), rows };
   });
 }
 
@@ -131,7 +131,7 @@ function markOf(row, colours, axes) {
   const x = clipped(axes.across(row.load));
   const y = clipped(height);
   const style = `left: ${100 * x}%; bottom: ${100 * y}%; ${inks(...colours)}`;
-  const title = `${row.result} = ${label(row.value)} at ${label(row.load)}`;
+  const title = [`${row.result} = ${label(row.value)} at ${label(row.load)}`, labelOf(row)].filter(Boolean).join(", ");
   const properties = { style, title, className: row.disturbance ? "hollow" : "" };
   if (row.load > axes.last) return element("u", properties, "▸");
   if (row.load < axes.first) return element("u", properties, "◂");

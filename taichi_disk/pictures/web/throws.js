@@ -6,7 +6,7 @@ import { copy, store } from "./html.js";
 import { COPIED, asText, showDiagram, showResults } from "./results.js";
 import { throwing } from "./stepper.js";
 
-const DONE = 0.003; // largest distance of e from the goal
+const DONE = 0.00301; // e, as it is shown, is nearer to the goal
 const NUMBERS = [
   { key: "v", name: "speed", symbol: "v", unit: "c", of: "impact.velocity" },
   { key: "eta", name: "viscosity", symbol: "η*", unit: "", of: "material.eta_star" },
@@ -214,7 +214,7 @@ export class Throws {
     const { restitution: e, speed: v, etaStar: eta } = flight ?? {};
     const { goal, ui } = this;
     const [speed, viscosity] = this.numbers;
-    const isDone = Math.abs(e - goal) < DONE;
+    const isDone = Math.abs(e?.toFixed(3) - goal) < DONE;
     const more = [eta < viscosity.high && "more viscosity", v < speed.high && "a faster throw"];
     const less = [eta > viscosity.low && "less viscosity", v > speed.low && "a slower throw"];
     const ways = (e > goal ? more : less).filter(Boolean).join(", or ") || "the sliders go no further";
