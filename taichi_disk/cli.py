@@ -20,6 +20,7 @@ from taichi_disk.base.errors import (
     InputError,
     TaichiDiskError,
     printable,
+    reason,
     system_message,
 )
 from taichi_disk.base.machine import cores, foreign_packages
@@ -80,11 +81,9 @@ def _carry_out(argv: Sequence[str]) -> int:
         raise_if_interrupted()
         return arguments.command(arguments) or 0
     except ImportError as error:
-        foreign = foreign_packages()
-        if not foreign:
+        if not foreign_packages():
             raise
-        reason = " ".join(str(error).split())
-        raise TaichiDiskError(f"{reason} ({foreign})") from None
+        raise TaichiDiskError(reason(error)) from None
 
 
 def _check_environment() -> None:

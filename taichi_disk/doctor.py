@@ -46,7 +46,7 @@ def examine() -> bool:
     }
     if fit_engine():
         found["springs in films"] = "soft lines"
-    foreign = foreign_packages(engine.NAME)
+    foreign = foreign_packages()
     if foreign:
         found["foreign packages"] = foreign
     for name, value in found.items():

@@ -13,6 +13,8 @@ from importlib.util import find_spec
 from numbers import Integral
 from typing import Any
 
+from taichi_disk.base.machine import foreign_packages
+
 # The command line prints all notices. Python prints warnings to stderr, and the others
 # after `logging.basicConfig(level="INFO")`.
 NOTICES = logging.getLogger("taichi_disk")
@@ -115,7 +117,9 @@ def shown_path(path: object) -> str:
 
 def reason(error: BaseException) -> str:
     """Return the message of `error`; for an OSError only the system's words, because
-    the caller names the file."""
+    the caller names the file. That of an ImportError names packages from elsewhere."""
+    if isinstance(error, ImportError) and foreign_packages():
+        return f"{' '.join(str(error).split())} ({foreign_packages()})"
     if isinstance(error, ModuleNotFoundError):
         name = str(error.name)
         # If a part of a package is missing, a file of the user's may hide the package.
@@ -136,11 +140,12 @@ def described(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}"
 
 
-def system_message(error: OSError) -> str:
-    """Return the system's words with the file, if the system names one."""
-    if error.filename is None:
+def system_message(error: Exception) -> str:
+    """Return `reason(error)` with the file, if the system names one."""
+    file = getattr(error, "filename", None)
+    if file is None:
         return reason(error)
-    return f"{error.filename}: {reason(error)}"
+    return f"{file}: {reason(error)}"
 
 
 def _has_working_folder() -> bool:

@@ -23,6 +23,11 @@ if sys.platform != "linux":
         "install the Vulkan driver of the graphics card's maker; `run --no-video` needs"
         " none"
     )
+# packages that another Python or a file of the user's may hide
+NEEDED = (
+    "numpy scipy yaml taichi taichi_forge matplotlib kiwisolver PIL av shapely rich"
+    " websockets"
+)
 # variables that choose drivers of Vulkan, or replace libraries that drivers need
 DRIVER_VARIABLES = ("VK_DRIVER_FILES", "VK_ICD_FILENAMES", "LD_LIBRARY_PATH")
 
@@ -85,14 +90,14 @@ def can_start_python() -> bool:
     return is_python and path.is_file() and Path(__file__).is_file()
 
 
-def foreign_packages(*others: str) -> str:
-    """Return which packages, also of `others`, come from folders in PYTHONPATH, as
-    modules of a cluster and ROS set it, or from a file beside the user's program, with
-    what helps; "" if there are none."""
+def foreign_packages() -> str:
+    """Return which packages come from folders in PYTHONPATH, as modules of a cluster
+    and ROS set it, or from a file beside the user's program, with what helps; "" if
+    there are none."""
     folders = filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))
     first = [sys.path[0], *folders]
     found = []
-    for name in ("numpy", "scipy", "yaml", *others):
+    for name in NEEDED.split():
         # A folder that is no package has no origin, and hides none.
         origin = getattr(PathFinder.find_spec(name, first), "origin", None)
         if origin:

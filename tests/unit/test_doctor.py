@@ -64,20 +64,24 @@ def test_an_error_is_reported_with_the_remedy(monkeypatch, capsys):
 
 
 @pytest.mark.parametrize(
-    ("content", "words"),
+    ("name", "content", "words"),
     [
-        ("raise ImportError('of another\\n    Python')", ["run", "compression"]),
-        ("__version__ = '1.23'", ["doctor"]),
+        ("numpy", "raise ImportError('of another\\n    Python')", "run compression"),
+        ("numpy", "__version__ = '1.23'", "doctor"),
+        ("PIL", "", "run compression --no-video --lattices=1"),
+        ("websockets", "", "view --no-open"),
     ],
 )
-def test_a_package_of_pythonpath_that_does_not_fit_is_named(tmp_path, content, words):
-    (tmp_path / "numpy").mkdir()
-    file = tmp_path / "numpy" / "__init__.py"
+def test_a_package_of_pythonpath_that_does_not_fit_is_named(
+    tmp_path, name, content, words
+):
+    (tmp_path / name).mkdir()
+    file = tmp_path / name / "__init__.py"
     file.write_text(content)
     folders = [str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(folders)}
-    foreign = f"numpy is {file}; try again after: unset PYTHONPATH, or rename that file"
-    done = command(*words, cwd=tmp_path, env=environment)
+    foreign = f"{name} is {file}; try again after: unset PYTHONPATH"
+    done = command(*words.split(), cwd=tmp_path, env=environment)
     assert done.returncode == 1 and len(done.stderr.splitlines()) < 2
     printed = done.stderr or done.stdout
     assert foreign in printed.splitlines()[-1] and "libX11" not in printed

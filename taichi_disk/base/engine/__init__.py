@@ -50,7 +50,7 @@ def __getattr__(name: str) -> Any:
             " 22.04, RHEL 9)"
         )
         raise TaichiDiskError(
-            f"{PACKAGE} cannot be loaded: {error}; {foreign_packages(NAME) or needs}"
+            f"{PACKAGE} cannot be loaded: {error}; {foreign_packages() or needs}"
         ) from None
     globals()["ti"] = module
     return module

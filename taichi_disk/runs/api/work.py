@@ -13,7 +13,12 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.base import files, runtime
-from taichi_disk.base.errors import NOTICES, NoPictures, SimulationError
+from taichi_disk.base.errors import (
+    NOTICES,
+    NoPictures,
+    SimulationError,
+    system_message,
+)
 from taichi_disk.base.files import Summary
 from taichi_disk.base.processes.early import draw_early
 from taichi_disk.base.progress import Progress, silent
@@ -242,7 +247,7 @@ class Work:
             try:
                 write()
             except Exception as error:
-                text = str(error) or repr(error)
+                text = system_message(error) or repr(error)
                 summary[ERRORS[stage]] = text
                 NOTICES.error(f"no {stage}: {text}")
             self.lap(stage)
