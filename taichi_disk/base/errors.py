@@ -118,13 +118,11 @@ def shown_path(path: object) -> str:
 def reason(error: BaseException) -> str:
     """Return the message of `error`; for an OSError only the system's words, because
     the caller names the file. That of an ImportError names packages from elsewhere."""
+    # If a part of a package is missing, a file of the user's may hide the package.
+    if isinstance(error, ModuleNotFoundError) and "." not in str(error.name):
+        return f"it needs {error.name}: {pip_install(str(error.name))}"
     if isinstance(error, ImportError) and foreign_packages():
         return f"{' '.join(str(error).split())} ({foreign_packages()})"
-    if isinstance(error, ModuleNotFoundError):
-        name = str(error.name)
-        # If a part of a package is missing, a file of the user's may hide the package.
-        if "." not in name:
-            return f"it needs {name}: {pip_install(name)}"
     if not isinstance(error, OSError):
         return str(error)
     if isinstance(error, FileNotFoundError) and not _has_working_folder():

@@ -11,7 +11,6 @@ engine at that moment.
 from __future__ import annotations
 
 import atexit
-import os
 import sys
 from contextlib import suppress
 from importlib import import_module
@@ -35,13 +34,12 @@ WITH_KNOWN_SHADERS = {"taichi": "1.7.4"}  # see `render.shaders`
 def __getattr__(name: str) -> Any:
     if name != "ti":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    environment.prepare()
+    is_temporary = environment.prepare()
     internals.shorten_searches()
     try:
         module = import_module(NAME)
         internals.patch(module)
-        if os.environ.get("HOME") == os.environ.get(environment.CACHE):
-            # writes the kernels before `environment` removes their folder
+        if is_temporary:  # the engine writes its kernels before they are removed
             atexit.register(module.reset)
     except (ImportError, AttributeError) as error:
         sys.modules.pop(NAME, None)  # which may be a file of the user's

@@ -49,9 +49,9 @@ def cache_problem() -> str:
     return ""
 
 
-def prepare() -> None:
+def prepare() -> bool:
     """Give the engine a home and a cache that it can use; without them it aborts or
-    crashes at the end."""
+    crashes at the end. Return whether the cache is removed with this process."""
     # If the user has none (cron, systemd, a container's user), kernels go into a folder
     # in the temporary directory until this process ends, and a note on stderr says so.
     for name, value in DEFAULTS.items():
@@ -60,9 +60,9 @@ def prepare() -> None:
         os.environ.setdefault(CACHE, str(cache_folder()))
     problem = cache_problem()
     if not problem:
-        return
+        return False
     folder = tempfile.mkdtemp(prefix="taichi-disk-")
-    # called after the engine's reset, which is registered later
+    # called after what is registered later
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     NOTICES.warning(
         f"no later run can use this run's compiled kernels ({problem}); {CACHE} names"
@@ -70,6 +70,7 @@ def prepare() -> None:
     )
     os.environ["HOME"] = folder
     os.environ[CACHE] = folder
+    return True
 
 
 def remove_stale_lock() -> None:

@@ -23,8 +23,10 @@ def bounce_conflicts(impact: ImpactSection, reach: float) -> Conflicts:
     g = impact.gravity
     v = impact.velocity
     if not g:
-        text = "nothing falls without gravity: write impact.gravity, too, or bounces: 1"
-        text += " and drop: 0"
+        text = (
+            "nothing falls without gravity: write impact.gravity, too, or bounces: 1"
+            " and drop: 0"
+        )
         meant = {"impact.bounces": impact.bounces > 1, "impact.drop": impact.drop}
         return [(key, text) for key in meant if meant[key]]
     duration = 2.0 * impact.bounces * v / g

@@ -94,8 +94,8 @@ MEASURED = {
     "vibration_left": (
         "kinetic and elastic energy of vibration at the end of the last contact (of the"
         " run, without losses), minus that at the start, over the energy of the flight"
-        " at t = 0; of several bounces after the first. A spin stretches the disk: this"
-        " counts as vibration"
+        " at t = 0; of several bounces, after the first. A spin stretches the disk, and"
+        " that counts as vibration"
     ),
 }
 

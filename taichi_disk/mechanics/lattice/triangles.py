@@ -117,7 +117,7 @@ def enclosed_triangles(x: Array, springs: Long) -> Long:
 
 def shown_point(point: Array) -> str:
     x, y = np.round(point, 9) + 0.0  # no digits of rounding errors, and no -0
-    return f"({x:.8g}, {y:.8g})"  # of a map, metres
+    return f"({x:.8g}, {y:.8g})"  # so that places on a map differ
 
 
 def distinct_sides(triangles: Long, n: int) -> tuple[Long, Long, Long]:

@@ -97,7 +97,9 @@ def effects(scene: Scene, progress: Progress) -> Numbers:
     changes = {}
     if scene.lattice.file == "none":  # there is no other sample of a user's points
         outline = file_digest(scene.lattice, "outline")
-        compared = compare_lattices(outcome, SEEDS, progress, False, outline)
+        compared = compare_lattices(
+            outcome, SEEDS, progress, force=False, outline=outline
+        )
         if name in compared:
             found[SCATTER] = compared[name]["standard_deviation"]
         changes[FINER] = finer_lattice(scene)

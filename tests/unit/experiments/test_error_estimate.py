@@ -129,7 +129,7 @@ def test_a_step_resolves_a_wall_if_it_crosses_less_than_half_its_decay_length():
 
 
 def test_a_result_that_another_step_does_not_confirm_is_a_failure(kernels):
-    # With a longer step the disk goes through the wall.
+    # With a quarter of the step the disk goes through the wall.
     fast = words("""
         absorbing_wall lattice.points=20 lattice.seed=5 impact.velocity=0.3324
         wall.k_a=0.0547 wall.a=1047 wall.V0=523.7 wall.points=60 wall.width=3.6
@@ -138,6 +138,14 @@ def test_a_result_that_another_step_does_not_confirm_is_a_failure(kernels):
     with pytest.raises(BlowUp, match=r"with \S+ R/c there is one.*gone through") as out:
         computed(kernels, *fast)
     assert out.value.last_good["positions"].shape == (80, 2)
+
+
+def test_a_longer_step_that_fails_is_followed_by_a_shorter_one(kernels, monkeypatch):
+    scene = (*SMALL, "time.safety=0.2")
+    _, usual = computed(kernels, *scene)  # with a shorter step at once
+    monkeypatch.setattr(error_estimate, "_other_steps", lambda run: [20 * run.step.dt])
+    _, other = computed(kernels, *scene)
+    assert other.summary["error_estimate"] == usual.summary["error_estimate"]
 
 
 @pytest.mark.parametrize(

@@ -451,7 +451,6 @@ def test_presets_are_the_scenes_of_the_list_after_that_which_was_given():
 
 def test_a_disk_under_gravity_goes_on_bouncing_after_its_result(kernels):
     settings = ["lattice.points=30", "impact.bounces=2", "impact.gravity=1e-2"]
-    settings += ["time.sample_interval=0.15"]
     sandbox = opened(kernels, settings, "bouncing_disk")
     outcome, e = computed(sandbox.scene)
     sandbox.paused = False
