@@ -29,7 +29,7 @@ class Slider {
     this.name = element("span");
     this.symbol = element("small");
     this.ends = [element("i"), element("i")];
-    this.range = element("input", { type: "range", step: "any" });
+    this.range = element("input", { type: "range", step: "any", min: 0, max: 100 });
     this.number = element("input", { type: "text" });
     this.degrees = element("input", { type: "text", ariaLabel: "angle in degrees" });
     const fields = key === "impact.angle" ? [this.number, this.degrees] : [this.number];
