@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -94,6 +95,19 @@ def test_without_sudo_and_a_vulkan_driver_films_are_pages(clone):
     assert done.returncode == 0, done.stderr
     assert "setup: no mesa-vulkan-drivers here: films are pages\n" in done.stdout
     assert made == ["venv", "pip 0"]
+
+
+def test_a_second_setup_at_the_same_time_waits_and_finds_all_ready(clone):
+    if not shutil.which("flock"):
+        pytest.skip("a system without flock")
+    (clone / "tools/flock").symlink_to(shutil.which("flock"))
+    script(clone / "tools/python3", PYTHON.replace("echo venv", "sleep .3; echo venv"))
+    with ThreadPoolExecutor() as pool:
+        setups = [pool.submit(set_up, clone, "run") for _ in range(2)]
+    assert {one.result()[0].returncode for one in setups} == {0}
+    made = [one.result()[1] for one in setups]
+    waiting = ["waiting for another" in one.result()[0].stdout for one in setups]
+    assert sorted(waiting) == [False, True] and ["venv", "pip 0"] in made
 
 
 def test_a_copied_or_moved_folder_gets_an_environment_of_its_own(clone):

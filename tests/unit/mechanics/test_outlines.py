@@ -175,7 +175,7 @@ FAULTS = {
     "slender.csv": ("0,0\n10,0\n10,1\n0,1", "the points extend over"),
     "neck.svg": (
         svg('<path d="M0 0h4v2.8h2v-2.8h4v6h-4v-2.8h-2v2.8h-4z"/>'),
-        "at (5.2, -2.8) the body, a hole or a notch is too thin: round",
+        "at (4.8, -2.8) the body, a hole or a notch is too thin: round",
     ),
     "notch.svg": (svg('<path d="M0 0H40V40H43V0H80V80H0Z"/>'), "at (40, -40) the body"),
     "dot.svg": (svg('<circle r="9"/><circle r=".3"/>'), "too thin: round it off"),

@@ -14,6 +14,7 @@ import pytest
 from taichi_disk.base.errors import InputError, SimulationError
 from taichi_disk.base.files import check_pictures
 from taichi_disk.experiments.config.tree import as_path
+from taichi_disk.pictures.render.film import check_target
 from taichi_disk.runs.output.run_folder import refuse_run, run_folder
 
 SCENE = "scene: compression\nlattice:\n  points: 100         # number of points\n"
@@ -420,11 +421,20 @@ def test_the_logs_of_other_programs_stay_in_a_folder_and_go_on(tmp_path):
 def test_what_is_write_protected_is_not_replaced(tmp_path, monkeypatch):
     out = compute(tmp_path / "run", files=("frames/00001.png",), mark="old")
     monkeypatch.setattr(os, "access", lambda path, mode: False)
-    with refused("run is write-protected; choose another"):
+    with refused("run is write-protected or a link to nothing; choose another"):
         compute(out, overwrite=True)
     assert compute(out, count_on=True) == tmp_path / "run-2"
     with refused("frames is not a writable folder"):
         check_pictures(out / "frames")
+
+
+def test_a_link_to_itself_is_refused(tmp_path):
+    loop = tmp_path / "loop"
+    loop.symlink_to(loop)
+    with refused("or a link to nothing; choose another"):
+        compute(loop)
+    with refused("loop is not a writable folder"):
+        check_target(loop)
 
 
 LITTER = "Thumbs.db desktop.ini ._plot.png .nfs000000001 .directory @eaDir .DS_Store"
