@@ -154,7 +154,6 @@ CASES = [
     pytest.param(*RELAXATION, marks=pytest.mark.validate),
     (f"{THROWN} own", {}, {"lattice": DISK}),
     (f"{THROWN} own", {}, {"velocities": FALLING}),
-    (f"{THROWN} own", {}, {"lattice": DISK, "velocities": FALLING}),
     (f"{THROWN} own", {"lattice.file": "a.npz"}, {}),
     (f"{THROWN} own", {"lattice.velocities": "a.npz"}, {}),
 ]

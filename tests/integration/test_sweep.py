@@ -236,6 +236,8 @@ def test_a_stored_point_is_read_as_strictly_as_a_scene(tmp_path):
     sweep = ONE + "sweep: {velocity: [0.05]}", tmp_path / "out"
     swept(*sweep)
     (file,) = points(tmp_path / "out")
+    file.with_suffix(".yaml").unlink()  # which gives the row's numbers
+    assert swept(*sweep).summary["computed_now"] == 1
     text = file.read_text()
     record = json.loads(text)
     numbers = record["numbers"]
