@@ -129,18 +129,10 @@ FAULTS = {
     ),
     "frame.svg": (svg('<path d="M0 0h99v99h-99zM1 1h97v97h-97z"/>'), "extend over 8"),
     "touching.svg": (svg('<path d="M0 0H60V60H0ZM0 30L20 20V40Z"/>'), "a hole touches"),
-    "two.svg": (
-        svg('<circle r="4"/><circle cx="9" r="4"/>'),
-        "outside shell at (4, 0)",
-    ),
-    "three.svg": (
-        svg('<circle r="9"/><circle r="6"/><circle r="4"/>'),
-        "are nested at (",
-    ),
-    "clip.svg": (
-        svg('<g clip-path="url(#a)"><circle r="9"/></g>'),
-        "clipped or masked",
-    ),
+    "two.svg": (svg('<circle r="4"/><circle cx="9" r="4"/>'), "shell at (4, 0)"),
+    "three.svg": (svg('<circle r="9"/><circle r="6"/><circle r="4"/>'), "nested at ("),
+    "clip.svg": (svg('<g clip-path="url(#a)"><circle r="9"/></g>'), "is clipped or"),
+    "turned.svg": (svg('<rect style="transform-origin:9px"/>'), "a transform-origin"),
     "mask.svg": (svg('<circle r="9" style="mask:url(#a)"/>'), "a path is clipped"),
     # In a viewer, the first is solid, and the hole of the second is in the middle.
     "symbol.svg": (
