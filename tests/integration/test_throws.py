@@ -15,6 +15,7 @@ from taichi_disk import load_scene
 from taichi_disk.experiments.computation.scenario import OwnStart
 from taichi_disk.mechanics.fields import QUANTITIES, Triangles, at_points
 from taichi_disk.pictures.render.recording import Flight, Recording
+from taichi_disk.pictures.render.words import label
 from taichi_disk.pictures.web import throws
 from taichi_disk.pictures.web.drawing import FILM, bundle
 from taichi_disk.runs import api
@@ -164,6 +165,14 @@ def test_a_page_knows_every_colour(tmp_path):
     for name, colours in found.items():
         values = at_points(name, Triangles(result.lattice), springs, x, v)
         assert colours == pytest.approx(values, rel=1e-9, abs=1e-15), name
+
+
+def test_pages_and_films_write_numbers_as_in_print(tmp_path):
+    numbers = [-5.0, 2e-7, 0.0, 0.5, -2.0 / 3.0]
+    expected = ["−5", "+2·10⁻⁷", "0", "+0.5", "−0.6667"]
+    code = "console.log(JSON.stringify(throws.map((value) => label(value, true))));"
+    assert in_node(tmp_path, code, [], numbers) == expected
+    assert [label(value, signed=True) for value in numbers] == expected
 
 
 LOOK = """
