@@ -44,7 +44,8 @@ _CORNER = 0.5  # an outline that turns by more has a corner [rad]
 _ROUGHNESS = 0.25  # an outline has no features smaller than this, in springs
 _MAX_GAP = 3.0  # from the last point of a path to its first, in longest sides
 _CURVE = np.linspace(0.0, 1.0, 65)  # places along a curve, which may be a whole drop
-# svgelements draws the content of these where no viewer shows it.
+# svgelements draws the content of these where no viewer shows it. It also passes over
+# `transform-origin`, about which viewers turn.
 _MISPLACED = ("svg", "symbol", "marker", "mask")
 
 
@@ -62,9 +63,10 @@ def read_outline(path: Path) -> list[Array]:
         tag = shape.values.get("tag")
         if shape is not drawing and tag in _MISPLACED:
             raise InputError(f"a path is inside of <{tag}>: take it out, or delete it")
-        if shape.values.keys() & {"clip-path", "mask"}:
+        if shape.values.keys() & {"clip-path", "mask", "transform-origin"}:
             raise InputError(
-                "a path is clipped or masked: release the clip, or cut it to its shape"
+                "a path is clipped or masked, or has a transform-origin: release the"
+                " clip, cut it to its shape, or apply its transforms"
             )
         is_path = isinstance(shape, svgelements.Shape)
         if not is_path or shape.values.get("visibility") == "hidden":

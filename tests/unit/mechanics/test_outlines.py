@@ -144,10 +144,8 @@ FAULTS = {
         svg('<circle r="9"/><circle r="6"/><circle r="4"/>'),
         "holes are nested at (",
     ),
-    "clip.svg": (
-        svg('<g clip-path="url(#a)"><circle r="9"/></g>'),
-        "a path is clipped or masked",
-    ),
+    "clip.svg": (svg('<g clip-path="url(#a)"><circle r="9"/></g>'), "is clipped or"),
+    "turned.svg": (svg('<rect style="transform-origin:9px"/>'), "a transform-origin"),
     "mask.svg": (svg('<circle r="9" style="mask:url(#a)"/>'), "a path is clipped"),
     # In a viewer, the first is solid, and the hole of the second is in the middle.
     "symbol.svg": (
