@@ -241,10 +241,7 @@ def _render(arguments: argparse.Namespace) -> None:
             out = arguments.folder / name
         options = _options(arguments, "at", "start", "end")
         result.film(out, compared, progress, labels=arguments.label, **options)
-    what = "film"
-    if out.suffix == ".png":
-        what = "picture"
-    print(f"{what} in {out}, {size_text(out)}")
+    print(f"written: {out}, {size_text(out)}")
 
 
 def _film_name(form: str, is_comparison: bool) -> str:

@@ -127,7 +127,10 @@ def reason(error: BaseException) -> str:
         return str(error)
     if isinstance(error, FileNotFoundError) and not _has_working_folder():
         return "the working folder has been deleted: change to another one"
-    return error.strerror or str(error)
+    text = error.strerror or str(error)
+    if "temporary directory" in text:  # a container whose disk is read-only has none
+        text += "; TMPDIR names another folder"
+    return text
 
 
 def described(error: BaseException) -> str:

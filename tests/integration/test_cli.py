@@ -72,18 +72,11 @@ def test_a_run_goes_into_out_and_the_name_of_the_scene_unless_a_folder_is_named(
         ("/home/me/o", False, False),
     ]
     monkeypatch.chdir(tmp_path)
-    folders = {
-        "a.yaml": "a",
-        "b.yml": "b",
-        "v0.05": "v0.05",
-        "...yaml": "...yaml",
-        "..yaml": "..yaml",
-        "....yml": "....yml",
-    }
-    for name in folders:
+    for name in ["a.yaml", "b.yml", "v0.05", "...yaml", "..yaml", "....yml"]:
         (tmp_path / name).write_text("scene: exponential_wall\n")
         main(["run", name])
-    assert [out for out, *_ in calls[3:]] == [f"out/{one}" for one in folders.values()]
+    folders = ["a", "b", "v0.05", "...yaml", "..yaml", "....yml"]
+    assert [out for out, *_ in calls[3:]] == [f"out/{name}" for name in folders]
 
 
 @pytest.mark.usefixtures("without_plots")

@@ -14,8 +14,8 @@ from programs import packed, python
 from taichi_disk import load_scene
 from taichi_disk.experiments.computation.scenario import OwnStart
 from taichi_disk.mechanics.fields import QUANTITIES, Triangles, at_points
-from taichi_disk.pictures.render.moments import ringing
 from taichi_disk.pictures.render.recording import Flight, Recording
+from taichi_disk.pictures.render.words import label
 from taichi_disk.pictures.web import throws
 from taichi_disk.pictures.web.drawing import FILM, bundle
 from taichi_disk.runs import api
@@ -167,19 +167,27 @@ def test_a_page_knows_every_colour(tmp_path):
         assert colours == pytest.approx(values, rel=1e-9, abs=1e-15), name
 
 
+def test_pages_and_films_write_numbers_as_in_print(tmp_path):
+    numbers = [-5.0, 2e-7, 0.0, 0.5, -2.0 / 3.0]
+    expected = ["−5", "+2·10⁻⁷", "0", "+0.5", "−0.6667"]
+    code = "console.log(JSON.stringify(throws.map((value) => label(value, true))));"
+    assert in_node(tmp_path, code, [], numbers) == expected
+    assert [label(value, signed=True) for value in numbers] == expected
+
+
 LOOK = """
 console.log(JSON.stringify(films.map((film, k) => {
   const disk = diskOfFilm(film);
   const again = new Again(disk, film, flight(disk, throws[k]), 0);
   const { quantities } = film.runs[0].scene;
   const limits = quantities.map(({ name }) => [name, again.limit(name)]);
-  return [again.ringing, Object.fromEntries(limits)];
+  return [again.strengths, Object.fromEntries(limits)];
 })));
 """
 
 
 def test_a_page_fits_scales_and_ringing_to_a_throw_as_its_film_does(tmp_path):
-    step = ["time.integrator=velocity_verlet", "video.seconds=1", "video.fps=5"]
+    step = ["time.integrator=velocity_verlet", "video.seconds=3", "video.fps=5"]
     scene = load_scene("exponential_wall", [*SMALL, *step])
     numbers = [(0.05, 0.0), (0.05, 0.3), (0.1, 0.1)]
     films = []
@@ -187,10 +195,11 @@ def test_a_page_fits_scales_and_ringing_to_a_throw_as_its_film_does(tmp_path):
     for v, eta in numbers:
         result = api.run(scene.with_(velocity=v, eta_star=eta), lattices=1)
         films.append(packed(result.film(tmp_path / "film.html"))[0])
-        strengths.append(ringing(result))
+        strengths.append(films[-1]["runs"][0]["strengths"])
     found = in_node(tmp_path, LOOK, films, numbers)
-    assert [strength for strength, _ in found] == strengths
-    assert sorted(strengths)[1] > 1.0
+    faded_in = np.array([each for each, _ in found])
+    assert faded_in == pytest.approx(np.array(strengths))
+    assert sorted(max(each) for each in strengths)[1] > 1.0
     times = [result.contact.start, float(result.series["t"][-1])]
     recording = Recording(Flight.of(result, 0.0), times, list(QUANTITIES), 1.0)
     # a round number, or the next one, because the page takes the nearest rows

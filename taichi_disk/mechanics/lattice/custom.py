@@ -194,8 +194,8 @@ def left_out(x: Array, used: Long) -> str:
     unused = np.setdiff1d(np.arange(len(x)), used)
     k = unused[0]
     return (
-        f"{len(unused):,} of {len(x):,} points belong to no triangle and were left out,"
-        f" the first is point {k} at {shown_point(x[k])}"
+        f"{len(unused):,} of {len(x):,} points are no triangle's corner and were left"
+        f" out, the first is point {k} at {shown_point(x[k])}"
     )
 
 

@@ -57,7 +57,7 @@ def circle_points(
         apothem = _unit_circle(np.array([0.5 / on_rim]))[0, 0]
         # Triangles on a chord of the rim are at least as high as equilateral ones. The
         # minimum is for four points.
-        radius = max(apothem - height, 0.2 * apothem)
+        radius = max(apothem - height, 0.1)
     for edge in (hole, core):
         if edge:
             circles.append(edge * _ring(rng, round(edge * on_rim)))

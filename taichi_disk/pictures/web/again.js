@@ -117,7 +117,7 @@ export class Again {
     const stronger = ringing > 1 ? `the ringing, shown ${ringing} times stronger` : "";
     const end = pictures.findIndex((t) => t >= moments[2]);
     this.strengths = pictures.map((_, k) => {
-      const part = Math.min(Math.max(k - end, 0) / (ease * fps), 1);
+      const part = Math.min(Math.max(k - end + 1, 0) / (ease * fps), 1);
       return ringing ** (part * part * (3 - 2 * part));
     });
     const after = `after t = ${this.end.toFixed(1)} R/c`;

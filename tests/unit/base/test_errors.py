@@ -2,6 +2,7 @@
 
 import os
 import sys
+import tempfile
 
 import pytest
 
@@ -20,16 +21,17 @@ def fail():
     raise OSError(28, "No space left on device")
 
 
-def test_a_message_names_the_file_if_there_is_one():
+def test_a_message_names_the_file_if_there_is_one(monkeypatch):
     assert reason(caught(open, "/nowhere/a")) == "No such file or directory"
     message = system_message(caught(open, "/nowhere/a"))
     assert message == "/nowhere/a: No such file or directory"
-    message = system_message(caught(fail))
-    assert message == "No space left on device"
+    assert system_message(caught(fail)) == "No space left on device"
     assert system_message(OSError("no words")) == "no words"
     assert reason(ValueError("a")) == "a"
     hidden = "No module named 'xml.etree'; 'xml' is not a package"
     assert reason(ModuleNotFoundError(hidden, name="xml.etree")) == hidden
+    monkeypatch.setattr(tempfile, "_candidate_tempdir_list", list)
+    assert "; TMPDIR" in reason(caught(tempfile._get_default_tempdir))
 
 
 @pytest.mark.parametrize("command", ["run", "accuracy", "check"])

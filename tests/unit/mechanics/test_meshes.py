@@ -100,7 +100,7 @@ def test_points_without_triangles_and_on_sides_are_left_out_with_a_note(tmp_path
     assert disk.disk_points == 60
     assert len(disk.triangles) == len(start)
     count = len(points) - 60
-    note = f"{count} of {len(points)} points belong to no triangle and"
+    note = f"{count} of {len(points)} points are no triangle's corner and"
     assert disk.notes[0].startswith(note)
 
 

@@ -11,14 +11,7 @@ from taichi_disk import load_scene
 from taichi_disk.pictures.render.letters import Letters, lacking
 from taichi_disk.pictures.render.moments import Caption
 from taichi_disk.pictures.render.pictures import Disk, arranged
-from taichi_disk.pictures.render.words import Title, label, round_below
-
-
-def test_numbers_are_written_as_in_print():
-    assert label(-5.0, signed=True) == "−5"
-    assert label(2e-7) == "2·10⁻⁷"
-    assert label(0.0) == "0"
-    assert label(0.5, signed=True) == "+0.5"
+from taichi_disk.pictures.render.words import Title, round_below
 
 
 @pytest.mark.parametrize("value", [0.0123, 9.2, 2.3e-5, 1e-12, 999.9999999999999])

@@ -46,6 +46,8 @@ def test_a_finer_lattice_is_of_the_same_material(kind):
     assert after.lattice.masses[:240].sum() == pytest.approx(mass)
     width = np.ptp(before.lattice.positions[:, 0])
     assert np.ptp(after.lattice.positions[:, 0]) == pytest.approx(width, rel=0.02)
+    pinned = load_scene("absorbing_wall", ["wall.boundary=pinned"])
+    assert "wall.reset_interval" not in finer_lattice(pinned)
 
 
 @pytest.mark.usefixtures("kernels")
