@@ -227,12 +227,12 @@ function record() {
   step("the end of a throw", () => {
     tell(SCENE);
     tell({ ...GRAPHS, ...CONTACT });
-    show({ atStart: false, paused: true, number: 0, answer: "Not so high.", results: RESULTS, loadRange: [1e-3, 0.1], status: PANEL.status });
+    show({ atStart: false, paused: true, number: 0, answer: "Not so high.", results: RESULTS.slice(0, 7), loadRange: [1e-3, 0.1], status: PANEL.status });
     showState({ number: 8, t: 4, caption: "t = 4\n*e = 0.912", velocity: [0.01, 0.031] });
   });
   step("the next throw", () => {
     tell(GRAPHS);
-    show({ atStart: true });
+    show({ atStart: true, results: RESULTS });
     showState({ number: 9 });
   });
   step("energies below zero, of a spin", () => {
