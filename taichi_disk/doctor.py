@@ -26,8 +26,6 @@ _CRASHED = "crashed"
 def examine() -> bool:
     """Print the state of this machine, with remedies, and return whether scenes can be
     run and filmed."""
-    from taichi_disk.pictures.render.shaders import fit_engine
-
     folder = cache_folder()
     cache = str(folder)
     if cache_problem():
@@ -42,21 +40,15 @@ def examine() -> bool:
         "processor": processor(),
         "processor cores": cores(),
         "cache of kernels": cache,
-        "springs in films": "hard lines, as the engine has other shaders",
     }
-    if fit_engine():
-        found["springs in films"] = "soft lines"
     foreign = foreign_packages()
     if foreign:
         found["foreign packages"] = foreign
     for name, value in found.items():
         print(f"{name:<16}  {value}")
-    trouble, note = try_run()
-    if note:
-        print(f"\nReady: scenes can be run here, and {note}")
-        return True
+    trouble, films = try_run()
     if not trouble:
-        print("\nReady: scenes can be run and filmed here.")
+        print(f"\nReady: scenes can be run {films}")
         return True
     print(f"\nNot ready: {trouble}\n    {foreign or REMEDY}")
     if trouble.startswith(_CRASHED):
@@ -68,8 +60,8 @@ def examine() -> bool:
 
 
 def try_run() -> tuple[str, str]:
-    """Run and film a small scene in another process. Return why that failed, or "", and
-    why the film is a page, or ""."""
+    """Run and film a small scene in another process. Return what failed, or "", and
+    how it was filmed."""
     pool = Pool(1)
     try:
         with TemporaryDirectory() as folder:
@@ -89,7 +81,12 @@ def film_small(out: Path, settings: list[str]) -> tuple[str, str]:
     """Run and film a scene into `out`. Returns as `try_run`."""
     from taichi_disk.experiments.scenes import load_scene
     from taichi_disk.runs.api import run
+    from taichi_disk.runs.api.work import ERRORS
 
-    result = run(load_scene("exponential_wall", settings), out, lattices=1)
-    notes = [text for text in result.summary.get("notes", ()) if "video.html" in text]
-    return result.summary.get("video_error", ""), "".join(notes)
+    summary = run(load_scene("exponential_wall", settings), out, lattices=1).summary
+    troubles = [summary[key] for key in ERRORS.values() if key in summary]
+    films = "and filmed here."
+    for text in summary.get("notes", ()):
+        if "video.html" in text:
+            films = f"here, and {text}"
+    return "; ".join(troubles), films

@@ -209,7 +209,9 @@ def read_summary(folder: Path) -> Summary:
 def check_pictures(folder: Path) -> None:
     """Raise InputError if `folder` exists and is write-protected, or holds anything but
     numbered files."""
-    if folder.exists() and not (os.access(folder, os.W_OK) and only_numbered(folder)):
+    if os.path.lexists(folder) and not (
+        os.access(folder, os.W_OK) and only_numbered(folder)
+    ):
         raise InputError(
             f"{folder} is not a writable folder with only numbered pictures: remove it,"
             " or choose another"

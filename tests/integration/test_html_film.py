@@ -573,9 +573,8 @@ def test_a_page_that_a_browser_has_saved_throws(browser, thrown, tmp_path):
 
 
 PASTE = """
-const one = document.getElementById('addresses');
-one.value = arguments[0];
-one.onchange();"""
+addresses.value = arguments[0];
+addresses.onchange();"""
 SPEEDS = """
 return [...document.querySelectorAll('#table td:nth-child(3)')].map((one) => one.title)
 """
@@ -588,8 +587,7 @@ def test_a_table_takes_the_addresses_of_others_and_survives_a_reload(browser, th
         "[Play](<https://x.org/a.html#v=0.1&eta=10&goal=0.9>)",
         "https://x.org/?url=https%3A%2F%2Fx.org%2Fa.html%23v%3D0.03%26eta%3D10&data=5",
         "https://x.org/a.html%23v=0.05&",  # broken by a mail
-        "eta=20",
-        " v=0,02 eta=10",
+        "eta=20\tAnna: #v=0,02 eta=10, Ben: https://x.org/a.html#v=0.08&eta=10",
         "v=3&eta=x",
         "v=0.5&eta=1",
         "v=0.02&eta=10",
@@ -599,10 +597,10 @@ def test_a_table_takes_the_addresses_of_others_and_survives_a_reload(browser, th
     browser.wait(lambda: "v=0.5" in browser.script(faults))
     assert "v=3&eta=x: eta: “x” is not read as a number" in browser.script(faults)
     assert "0.5 is beyond the slider: 0.1." in browser.script(faults)
-    expected = ["0.02", "0.05", "0.03", "0.1", "0.04"]
+    expected = ["0.08", "0.02", "0.05", "0.03", "0.1", "0.04"]
     browser.wait(lambda: browser.script(SPEEDS) == expected)
     dots = "return document.querySelectorAll('#diagram b').length"
-    assert browser.script(dots) == 5
+    assert browser.script(dots) == 6
     browser.driver.refresh()
     browser.wait(lambda: title_of(browser))
     browser.script("document.getElementById('list').open = true")
@@ -610,17 +608,19 @@ def test_a_table_takes_the_addresses_of_others_and_survives_a_reload(browser, th
     browser.script(
         "const one = document.querySelector('#table button'); one.focus(); one.click()"
     )
-    assert browser.script(dots) == 4
-    assert browser.script("return document.activeElement.dataset.remove") == "3"
+    assert browser.script(dots) == 5
+    assert browser.script("return document.activeElement.dataset.remove") == "4"
     browser.emulate(media="print")
     assert browser.visible("table") and not browser.visible("throw")
+    keys = "return getComputedStyle(curve.children[0], '::before').printColorAdjust"
+    assert browser.script(keys) == "exact"  # printed, although they are a background
     browser.emulate()
     # links that Stop ends are taken after the next throw
     links = "\n".join(["v=0.07", "v=0.06", *(f"v=0.1&eta={k}" for k in range(1, 8))])
     browser.script(PASTE + "document.getElementById('stop').click()", links)
     assert browser.text("told") == "Stopped: Throw begins again."
     browser.click("throw")
-    browser.wait(lambda: browser.script(dots) == 13)
+    browser.wait(lambda: browser.script(dots) == 14)
     inks = "return new Set([...curve.children].map((one) => one.style.cssText)).size"
     assert browser.script(inks) == 9  # of as many curves
     assert browser.script("return document.querySelector('b[title$=\"η* = 7\"]')")

@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -94,6 +95,16 @@ def test_without_sudo_and_a_vulkan_driver_films_are_pages(clone):
     assert done.returncode == 0, done.stderr
     assert "setup: no mesa-vulkan-drivers here: films are pages\n" in done.stdout
     assert made == ["venv", "pip 0"]
+
+
+def test_of_two_at_the_same_time_one_waits(clone):
+    flock = shutil.which("flock") or pytest.skip("a system without flock")
+    (clone / "tools/flock").symlink_to(flock)
+    script(clone / "tools/python3", PYTHON.replace("echo venv", "sleep 1; echo venv"))
+    with ThreadPoolExecutor() as pool:
+        both = [done for done, _ in pool.map(set_up, [clone] * 2, ["run"] * 2)]
+    assert [done.returncode for done in both] == [0, 0]
+    assert sum("waiting for another" in done.stdout for done in both) == 1
 
 
 def test_a_copied_or_moved_folder_gets_an_environment_of_its_own(clone):

@@ -236,6 +236,8 @@ def test_a_stored_point_is_read_as_strictly_as_a_scene(tmp_path):
     sweep = ONE + "sweep: {velocity: [0.05]}", tmp_path / "out"
     swept(*sweep)
     (file,) = points(tmp_path / "out")
+    file.with_suffix(".yaml").unlink()  # which gives the row's numbers
+    assert swept(*sweep).summary["computed_now"] == 1
     text = file.read_text()
     record = json.loads(text)
     numbers = record["numbers"]
@@ -567,7 +569,7 @@ def test_the_command_says_how_many_scenes_and_prints_fits_and_where_the_files_ar
     shown, notes = capsys.readouterr()
     assert "note: 12 scenes, 12 of them computed before" in notes
     assert notes.count("eta_star = 30 is per point") == notes.count("per point") == 1
-    assert "eta_star: 30, lattices: 2" in shown
+    assert "eta_star: 30, lattices per point: 2" in shown
     assert "eq. (4) integrated" in shown
     assert "12 points, 0 of them computed now, 0 failed" in shown
     assert f"files in {small.out}" in shown

@@ -68,7 +68,7 @@ def test_an_error_is_reported_with_the_remedy(monkeypatch, capsys):
     [
         ("numpy", "raise ImportError('of another\\n    Python')", "run compression"),
         ("numpy", "__version__ = '1.23'", "doctor"),
-        ("PIL", "", "run compression --no-video --lattices=1"),
+        ("kiwisolver", "raise ImportError", "doctor"),
         ("websockets", "", "view --no-open"),
     ],
 )

@@ -171,7 +171,8 @@ class ImpactScene(DiskScene):
         shape = self._shape(body, springs)
         if self.impact.gravity and (self.is_oblique or not shape.is_round):
             raise InputError(
-                "impact.gravity: only round bodies bounce, thrown straight down without"
+                "impact.gravity: only round bodies bounce, with their centre of mass in"
+                " the middle, thrown straight down (own velocities: their mean) without"
                 " spin at a wall without friction: write gravity: 0, bounces: 1 and"
                 " drop: 0, or change the rest"
             )

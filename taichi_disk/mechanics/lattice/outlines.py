@@ -44,6 +44,8 @@ _CORNER = 0.5  # an outline that turns by more has a corner [rad]
 _ROUGHNESS = 0.25  # an outline has no features smaller than this, in springs
 _MAX_GAP = 3.0  # from the last point of a path to its first, in longest sides
 _CURVE = np.linspace(0.0, 1.0, 65)  # places along a curve, which may be a whole drop
+# few along a straight side: drawings may have 100,000 of them
+_PLACES = dict.fromkeys((svgelements.Line, svgelements.Close), _CURVE[::8])
 # svgelements draws the content of these where no viewer shows it.
 _MISPLACED = ("svg", "symbol", "marker", "mask")
 # Viewers apply these to a path; svgelements does not.
@@ -84,9 +86,9 @@ def read_outline(path: Path) -> list[Array]:
         outline.approximate_arcs_with_cubics()
         outline = abs(outline * ~scale)
         for part in outline.as_subpaths():
-            sides = [side.npoint(_CURVE) for side in part][1:]
-            if sides:
-                paths.append(np.concatenate(sides) * [1.0, -1.0])
+            sides = [side.npoint(_PLACES.get(type(side), _CURVE)) for side in part]
+            if len(sides) > 1:  # the first is a move
+                paths.append(np.concatenate(sides[1:]) * [1.0, -1.0])
     if not paths:
         raise InputError("there are no paths; words and images must be made paths")
     return paths

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import replace
@@ -62,7 +63,7 @@ def check_target(path: Path) -> None:
             " for a folder of numbered pictures; plot.png is the name of curves"
         )
     if not path.suffix:
-        if Path.cwd().is_relative_to(path.resolve()):
+        if Path.cwd().is_relative_to(os.path.realpath(path)):
             raise InputError(
                 f"cannot film into {path}: pictures would replace the current folder;"
                 " name another"

@@ -228,7 +228,7 @@ export class Throws {
   async collect() {
     const { ui } = this;
     const links = ui.addresses.value.replace(/\s*\n(?=\s*&)|(?<=&|&amp;)\s*\n/g, ""); // a mail breaks them
-    const lines = links.split("\n").filter((line) => line.trim());
+    const lines = links.split(/\n|(?<==\S*),?\s+(?=[^=]*#)/).filter((line) => line.trim()); // a chat joins them
     ui.faults.textContent = "";
     for (const [k, line] of lines.entries()) {
       const { numbers, faults } = readAddress(line);

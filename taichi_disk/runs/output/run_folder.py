@@ -53,9 +53,9 @@ def stored_run(folder: Path) -> StoredRun:
     """Return the run that `folder` holds and may be replaced. Raises InputError if the
     folder is write-protected or holds anything else, OSError if it cannot be listed."""
     names = []
-    if folder.exists():
+    if os.path.lexists(folder):
         if not os.access(folder, os.W_OK):  # it could be moved aside, but not removed
-            raise InputError(f"{folder} is write-protected")
+            raise InputError(f"{folder} is write-protected or a link to nothing")
         names = files.listed(folder)
         names = [name for name in names if not UNFINISHED.fullmatch(name)]
     summary = files.read_summary(folder)
@@ -228,11 +228,12 @@ def run_folder(
 def _place(out: Path) -> Path:
     """Return the path to which a run can be renamed. Raises InputError if `out` is a
     folder that no run can replace."""
+    target = os.path.realpath(out)
     if out.name == ".." or out.is_symlink():
-        out = out.resolve()
+        out = Path(target)
     home = Path(os.path.expanduser("~"))
     for name, place in (("your home", home), ("the current folder", Path.cwd())):
-        if place.resolve().is_relative_to(out.resolve()):
+        if place.resolve().is_relative_to(target):
             raise InputError(
                 f"{out} is {name}, which no run can replace: name a folder in it as"
                 " `out`"
@@ -247,10 +248,6 @@ def _numbered(folder: Path) -> Iterator[Path]:
 
 
 def refuse_run(out: Path) -> None:
-    """Raise InputError if `out` holds a run, or cannot be read."""
-    try:
-        is_run = out.is_dir() and "summary.json" in files.listed(out)
-    except OSError as error:
-        raise files.cannot_write(out, error) from None
-    if is_run and "status" in files.read_summary(out):
+    """Raise InputError if `out` holds a run."""
+    if "status" in files.read_summary(out):
         raise InputError(f"{out} holds a run; choose another folder as `out`")

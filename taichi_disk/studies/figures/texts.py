@@ -21,9 +21,10 @@ def curve_rows(
     for curve in curves:
         keys = []
         for name, value in curve.items():
-            keys.append(f"{name}: {as_text(value)}")
             if name == "lattices":  # numbers of the curve follow
+                keys.append(f"lattices per point: {value}")
                 break
+            keys.append(f"{name}: {as_text(value)}")
         if curve["folded"]:
             keys.append(f"{curve['folded']} folded points in no fit")
         laws = []

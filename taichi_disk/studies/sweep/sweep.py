@@ -463,7 +463,7 @@ def _stored(
     results = {}
     for key in scenes:
         path = out / "points" / f"{key}.json"
-        if path.is_file():
+        if path.is_file() and path.with_suffix(".yaml").is_file():
             result = _read_point(path, scenes[key])
             if result.estimated or not estimate:
                 results[key] = result

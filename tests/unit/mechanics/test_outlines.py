@@ -125,25 +125,12 @@ FAULTS = {
     ),
     "map.csv": (  # metres of a map
         "458000.1,5432100.2\n458009,5432109\n458009,5432100\n458000,5432109",
-        "self-intersection at (458004.47, 5432104.5)",
+        "self-intersection at (458004.47, 5432104.5); its points go round the body",
     ),
     "frame.svg": (svg('<path d="M0 0h99v99h-99zM1 1h97v97h-97z"/>'), "extend over 8"),
-    "bow.csv": (
-        "0,0\n1,1\n1,0\n0,1",
-        "self-intersection at (0.5, 0.5); its points go round the body once",
-    ),
-    "touching.svg": (
-        svg('<path d="M0 0H60V60H0ZM0 30L20 20V40Z"/>'),
-        "a hole touches the edge or another hole",
-    ),
-    "two.svg": (
-        svg('<circle r="4"/><circle cx="9" r="4"/>'),
-        "hole lies outside shell at (4, 0)",
-    ),
-    "three.svg": (
-        svg('<circle r="9"/><circle r="6"/><circle r="4"/>'),
-        "holes are nested at (",
-    ),
+    "touching.svg": (svg('<path d="M0 0H60V60H0ZM0 30L20 20V40Z"/>'), "a hole touches"),
+    "two.svg": (svg('<circle r="4"/><circle cx="9" r="4"/>'), "shell at (4, 0)"),
+    "three.svg": (svg('<circle r="9"/><circle r="6"/><circle r="4"/>'), "nested at ("),
     "clip.svg": (svg('<g clip-path="url(#a)"><circle r="9"/></g>'), "has a clip-path"),
     "turned.svg": (svg('<rect style="transform-origin:9px"/>'), "a transform-origin"),
     "mask.svg": (svg('<circle r="9" style="mask:url(#a)"/>'), "a path has a mask"),
@@ -173,7 +160,7 @@ FAULTS = {
     "slender.csv": ("0,0\n10,0\n10,1\n0,1", "the points extend over"),
     "neck.svg": (
         svg('<path d="M0 0h4v2.8h2v-2.8h4v6h-4v-2.8h-2v2.8h-4z"/>'),
-        "at (5.2, -2.8) the body, a hole or a notch is too thin: round",
+        "at (4.8, -2.8) the body, a hole or a notch is too thin: round",
     ),
     "notch.svg": (svg('<path d="M0 0H40V40H43V0H80V80H0Z"/>'), "at (40, -40) the body"),
     "dot.svg": (svg('<circle r="9"/><circle r=".3"/>'), "too thin: round it off"),

@@ -14,6 +14,7 @@ import pytest
 from taichi_disk.base.errors import InputError, SimulationError
 from taichi_disk.base.files import check_pictures
 from taichi_disk.experiments.config.tree import as_path
+from taichi_disk.pictures.render.film import check_target
 from taichi_disk.runs.output.run_folder import refuse_run, run_folder
 
 SCENE = "scene: compression\nlattice:\n  points: 100         # number of points\n"
@@ -144,16 +145,12 @@ def test_files_that_no_run_wrote_are_never_touched(tmp_path, name, text, overwri
     assert content(tmp_path) == {f"run/{name}": text}
 
 
-@pytest.mark.parametrize(
-    ("name", "overwrite", "text"),
-    [("thesis.tex", True, "no run wrote"), ("scene.yaml", False, "holds another run")],
-)
-def test_a_run_s_folder_with_a_user_s_file_is_left(tmp_path, name, overwrite, text):
+def test_a_run_s_folder_with_a_user_s_file_is_left(tmp_path):
     out = compute(tmp_path / "run")
-    (out / name).write_text("# mine\n" + SCENE)
+    (out / "thesis.tex").write_text("mine")
     before = content(out)
-    with refused(text):
-        compute(out, overwrite=overwrite)
+    with refused("no run wrote"):
+        compute(out, overwrite=True)
     assert compute(out, count_on=True) == tmp_path / "run-2"
     assert content(out) == before
 
@@ -420,7 +417,7 @@ def test_the_logs_of_other_programs_stay_in_a_folder_and_go_on(tmp_path):
 def test_what_is_write_protected_is_not_replaced(tmp_path, monkeypatch):
     out = compute(tmp_path / "run", files=("frames/00001.png",), mark="old")
     monkeypatch.setattr(os, "access", lambda path, mode: False)
-    with refused("run is write-protected; choose another"):
+    with refused("run is write-protected or a link to nothing; choose another"):
         compute(out, overwrite=True)
     assert compute(out, count_on=True) == tmp_path / "run-2"
     with refused("frames is not a writable folder"):
@@ -450,7 +447,11 @@ def test_a_place_that_cannot_be_written_is_refused(tmp_path, name):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_link_to_a_folder_is_followed(tmp_path):
+def test_a_link_to_a_folder_is_followed_and_one_to_itself_refused(tmp_path):
+    (tmp_path / "loop").symlink_to("loop")
+    for use in (compute, check_target):
+        with refused("loop is .*(link to nothing|not a writable)"):
+            use(tmp_path / "loop")
     (tmp_path / "disk").mkdir()
     (tmp_path / "link").symlink_to("disk")
     compute(tmp_path / "link")
