@@ -34,8 +34,8 @@ def bounce_conflicts(impact: ImpactSection, reach: float) -> Conflicts:
         (
             impact.drop and v != impact.fall_speed,
             "impact.drop",
-            f"impact.velocity = {v:g} is not the speed of this fall: write"
-            f" {ImpactSection.velocity:g}, its default, or drop=0",
+            f"impact.velocity = {v:g} (or the mean of own velocities) is not the speed"
+            f" of this fall: write {ImpactSection.velocity:g}, its default, or drop=0",
         ),
         (
             impact.gap != "auto",
