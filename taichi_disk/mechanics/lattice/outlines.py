@@ -64,7 +64,7 @@ def read_outline(path: Path) -> list[Array]:
     the file, with y upwards."""
     if path.suffix.lower() != ".svg":
         return [read_table(read_text(path))[0]]
-    drawing: Any = svgelements.SVG.parse(path)
+    drawing: Any = svgelements.SVG.parse(path, reify=False)
     scale = svgelements.Matrix(drawing.viewbox_transform)
     if not math.isclose(scale.a, scale.d):
         raise InputError("its view box is stretched: leave preserveAspectRatio out")
