@@ -288,9 +288,7 @@ def test_a_page_with_few_states_says_its_own_pace(run, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("eta_star", [0, 0.1])
-def test_ringing_is_shown_about_half_as_strong_as_the_compression(
-    eta_star, monkeypatch
-):
+def test_ringing_is_shown_half_as_strong_as_the_compression(eta_star, monkeypatch):
     scene = load_scene("exponential_wall", ["lattice.points=150"])
     run = api.run(scene.with_(velocity=0.05, eta_star=eta_star), lattices=1)
     lattice = run.lattice

@@ -19,6 +19,7 @@ from taichi_disk.mechanics.integrators import (
     VELOCITY_VERLET,
 )
 from taichi_disk.mechanics.physics import ExponentialWall
+from taichi_disk.studies.accuracy.steps import reference_state
 
 N = 40
 END = 1.92  # [R/c], during the contact
@@ -56,6 +57,12 @@ def solved(scene, eta):
     if scene.endswith("reset"):
         return plain.solve_with_resets(*start, END, RESET, 1e-10)
     return plain.solve(*start, (0.0, END), 1e-10)[-1]
+
+
+def test_the_reference_of_accuracy_is_that_of_a_solver_of_its_own():
+    lattice, velocities, model, _ = build("rigid", 0.0)
+    found = reference_state(lattice, model, velocities, END)
+    assert found == pytest.approx(np.array(solved("rigid", 0.0)), abs=1e-8)
 
 
 def steps_for(eta, integrator):

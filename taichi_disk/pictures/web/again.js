@@ -23,12 +23,9 @@ export function diskOf(message, { springs, triangles, outline }) {
   const positions = decoded(message.positions, Float64Array);
   const masses = decoded(message.masses, Float64Array);
   const distance = (i, j) =>
-    Math.sqrt(
-      (positions[2 * i] - positions[2 * j]) ** 2 + (positions[2 * i + 1] - positions[2 * j + 1]) ** 2,
-    );
-  const rest = new Float64Array(springs.length / 2).map((_, k) =>
-    distance(springs[2 * k], springs[2 * k + 1]),
-  );
+    Math.sqrt((positions[2 * i] - positions[2 * j]) ** 2 + (positions[2 * i + 1] - positions[2 * j + 1]) ** 2);
+  const lengths = new Float64Array(springs.length / 2);
+  const rest = lengths.map((_, k) => distance(springs[2 * k], springs[2 * k + 1]));
   const chord = largest([...outline].map((i, k) => distance(i, outline.at(k - 1))));
   const [heaviest, lightest] = [Math.max(...masses), Math.min(...masses)];
   const disk = { ...message, springs, triangles, positions, masses, rest, chord, heaviest, lightest };

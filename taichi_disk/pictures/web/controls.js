@@ -7,10 +7,11 @@ export const digits = (value, count = 6) => String(Number(value.toPrecision(coun
 
 export const notRead = (text) => `“${text.slice(0, 40)}” is not read as a number: write 0.02, 2e-2 or 1/50`;
 
-// Return the number that a text is, as a whole: with a point or a comma, a fraction, or per cent; else
-// NaN. A comma before three digits may mean thousands, so it is not read.
+// Return the number that a text is, as a whole: with a point or a comma, a fraction, or per cent, in c or
+// without a unit; else NaN. A comma before three digits may mean thousands, so it is not read.
 export function readNumber(text) {
-  const plain = text.normalize("NFKC").replace(/[−–]/g, "-").trim();
+  const dashed = text.normalize("NFKC").replace(/[\u2010-\u2015\u2212]/g, "-");
+  const plain = dashed.replace(/\u200b/g, "").trim().replace(/ ?c$/i, "");
   if (plain.endsWith("%")) return readNumber(plain.slice(0, -1)) / 100;
   const parts = plain.split(/\s*[/\u2044]\s*/);
   const isNumber = (part) => /^[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?$/i.test(part);
@@ -20,29 +21,26 @@ export function readNumber(text) {
   return Number.isFinite(value / divisor) ? value / divisor : NaN;
 }
 
-// A slider, logarithmic unless its range begins at 0 or below; `set` is called with the key and the
-// value, `say` with a sentence about a text that is no number.
+// A slider, logarithmic unless its range begins at 0 or below. Its place goes from 0 to 100, because
+// Firefox's arrow keys take steps of 1. `set` is called with the key and the value, `say` with a sentence
+// about a text that is no number.
 class Slider {
   constructor(key, set, say) {
     this.name = element("span");
     this.symbol = element("small");
     this.ends = [element("i"), element("i")];
-    this.range = element("input", { type: "range", step: "any" });
+    this.range = element("input", { type: "range", step: "any", min: 0, max: 100 });
     this.number = element("input", { type: "text" });
     this.degrees = element("input", { type: "text", ariaLabel: "angle in degrees" });
     const fields = key === "impact.angle" ? [this.number, this.degrees] : [this.number];
-    this.node = element(
-      "div",
-      { className: "slider" },
-      element("span", {}, this.name, " ", this.symbol),
-      ...this.ends,
-      this.range,
-      ...fields,
-    );
+    const words = element("span", {}, this.name, " ", this.symbol);
+    this.node = element("div", { className: "slider" }, words, ...this.ends, this.range, ...fields);
     const lead = () => {
-      const place = Number(this.range.value);
-      const value = this.spec.low > 0 ? Math.exp(place) : place;
-      set(key, key === "lattice.points" ? Math.round(value) : Number(digits(value, 3)));
+      const { low, high } = this.spec;
+      const part = this.range.value / 100;
+      const value = low > 0 ? low * (high / low) ** part : low + (high - low) * part;
+      const rounded = key === "lattice.points" ? Math.round(value) : Number(digits(value, 3));
+      set(key, { 0: low, 1: high }[part] ?? rounded);
     };
     this.range.oninput = () => this.spec.live && lead();
     this.range.onchange = lead;
@@ -73,16 +71,15 @@ class Slider {
     const { range } = this;
     const inUnit = key === "impact.angle" ? "[rad, °]" : unit && `[${unit}]`;
     const text = [name, symbol, inUnit].filter(Boolean).join(" ");
-    const place = low > 0 ? Math.log : Number;
-    const ends = { min: place(low), max: place(high) };
+    const part = low > 0 ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
     this.name.textContent = name;
     this.symbol.textContent = `${symbol} ${inUnit}`.trim();
     this.number.inputMode = this.degrees.inputMode = low < 0 ? "text" : "decimal"; // for a minus
     this.node.title = keys ? `${meaning} (keys ${keys})` : meaning;
     this.ends[0].textContent = digits(low);
     this.ends[1].textContent = digits(high);
-    Object.assign(range, { ...ends, ariaLabel: text, ariaValueText: `${digits(value)} ${unit}` });
-    if (live || range.getRootNode().activeElement !== range) range.value = place(value);
+    Object.assign(range, { ariaLabel: text, ariaValueText: `${digits(value)} ${unit}` });
+    if (live || range.getRootNode().activeElement !== range) range.value = 100 * part;
     this.number.ariaLabel = `${text}, number`;
     if (this.edited !== this.number) this.number.value = digits(value);
     if (this.edited !== this.degrees) this.degrees.value = `${(value * DEGREE).toFixed(1)}°`;
@@ -114,9 +111,7 @@ export class Controls {
       for (const { node } of this.made.values()) node.remove();
       this.made.clear();
       for (const { key, options } of specs) {
-        const control = options
-          ? new Choice(key, this.set)
-          : new Slider(key, this.set, this.say);
+        const control = options ? new Choice(key, this.set) : new Slider(key, this.set, this.say);
         control.node.dataset.key = key;
         this.made.set(key, control);
         this.parent(key).append(control.node);

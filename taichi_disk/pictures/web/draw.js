@@ -63,9 +63,8 @@ export class Drawing {
     this.scene = { ...message };
     for (const name of INDICES) this.scene[name] = decoded(message[name], Uint32Array);
     this.scene.rest = decoded(message.rest, Float32Array);
-    this.maps = Object.fromEntries(
-      Object.entries(message.maps).map(([name, map]) => [name, bytes(map)]),
-    );
+    const maps = Object.entries(message.maps);
+    this.maps = Object.fromEntries(maps.map(([name, map]) => [name, bytes(map)]));
     this.set(message.options);
     // of a triangular lattice that fills the disk [R]
     this.spacing = Math.sqrt(3.63 / message.disk_points);
@@ -416,13 +415,7 @@ export class Drawing {
   }
 
   drawArrow(from, to, colour, theme, thickness = 3) {
-    arrow(
-      this.context,
-      this.toScreen(...from),
-      this.toScreen(...to),
-      thickness * this.options.letters,
-      colour,
-      theme.ground,
-    );
+    const ends = [this.toScreen(...from), this.toScreen(...to)];
+    arrow(this.context, ...ends, thickness * this.options.letters, colour, theme.ground);
   }
 }

@@ -298,6 +298,7 @@ async function play() {
   let place = 0;
   let before = 0;
   let isPlaying;
+  let held; // place, and whether it played, before a finger came
   let isVisible = true;
   let isUsed = false;
   const main = document.querySelector("main");
@@ -419,7 +420,6 @@ async function play() {
     (text) => (ui.refused.textContent = text),
   );
   ui.looking.open = matchMedia("(min-width: 960px) and (min-height: 601px)").matches;
-  ui.silent?.remove();
   main.ariaBusy = false;
   ui.moment.max = last;
   for (const [moment, name] of head.marks) {
@@ -438,6 +438,11 @@ async function play() {
     change("light"); // as the paper
   };
   ui.moment.oninput = () => goTo(Number(ui.moment.value));
+  ui.moment.onpointerdown = () => (held = [place, isPlaying]);
+  ui.moment.onpointercancel = () => {
+    goTo(held[0]); // the finger scrolls the page
+    setPlaying(held[1]);
+  };
   ui.play.onclick = () => setPlaying(!isPlaying);
   new IntersectionObserver(([entry]) => (isVisible = entry.isIntersecting)).observe(document.body); // in a frame
   const resized = new ResizeObserver(arrange);
@@ -459,4 +464,7 @@ async function play() {
   });
 }
 
-play().catch((error) => document.getElementById("silent")?.append(` (${error.message})`));
+play().catch((error) => {
+  document.querySelector("main").ariaBusy = true; // shows the sentence
+  document.getElementById("silent").append(` (${error.message})`);
+});

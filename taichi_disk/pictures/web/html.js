@@ -23,10 +23,10 @@ export function checked(root) {
   return Object.fromEntries([...root.querySelectorAll("input")].map((one) => [one.id, one.checked]));
 }
 
-// Return texts by their names, stored as long as the tab is open; a frame may forbid to store any.
+// Return texts by their names, stored as long as the tab is open; a frame or an app may forbid it.
 function openStore() {
   try {
-    return sessionStorage;
+    return sessionStorage ?? {};
   } catch {
     return {};
   }

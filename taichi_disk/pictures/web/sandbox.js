@@ -69,12 +69,8 @@ export class Sandbox {
       (key, value) => this.set(key, value),
       (text) => this.say(text),
     );
-    followPointers(
-      ui.disk,
-      this.drawing,
-      () => this.redraw(),
-      (...at) => grip(this, ...at),
-    );
+    const gripped = (...at) => grip(this, ...at);
+    followPointers(ui.disk, this.drawing, () => this.redraw(), gripped);
     node.onclick = ({ target }) =>
       this.panel
         ? this.click(target.closest("button, [type=checkbox]"))

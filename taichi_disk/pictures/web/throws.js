@@ -12,8 +12,9 @@ const NUMBERS = [
   { key: "eta", name: "viscosity", symbol: "η*", unit: "", of: "material.eta_star" },
 ];
 // names of the numbers in an address, and what is between two numbers, as people write and programs change it
-const ADDRESS_NAMES = ["v velocity impact.velocity", "eta eta_star material.eta_star η* η", "goal video.goal"];
-const BETWEEN = /&amp;|[&;]|[\s,]+(?=[^\s=&;,]+\s*=)/;
+const ADDRESS_NAMES = ["v speed velocity impact.velocity", "eta eta* eta_star viscosity material.eta_star η* η", "goal task video.goal"];
+const BETWEEN = /&amp;|[&;]|[\s,+]+(?=[^\s=&;,]+\s*=)/;
+const ADDED = /^(fbclid|gclid|mibextid|igsh|utm_.*)$/; // by other programs
 const LONGEST = 300; // letters of an address that are read
 const USUAL_GOAL = 0.9;
 // what a row of results.js has beside a throw's numbers
@@ -25,19 +26,21 @@ const PATIENCE = 300; // time after which the page shows how far a throw is [ms]
 function readAddress(address) {
   const numbers = {};
   const faults = [];
-  // A link within another is encoded up to the next &. Brackets or quotes may be around a link.
+  // A link within another is encoded up to the next &.
   const link = address.replace(/^[^#]*?%23([^&=]*)(&.*)?$/s, "#$1").replace("%23", "#");
-  const end = link.slice(link.indexOf("#") + 1).replace(/[>)\]"'”»]+\s*$/, "");
+  const end = link.slice(link.indexOf("#") + 1);
   const unread = end.length > LONGEST ? [`what follows ${LONGEST} letters`] : [];
-  if (end.trim().endsWith("&")) unread.push("what followed the last &");
-  // URLSearchParams decodes, without an error for what is no code.
-  const text = end.slice(0, LONGEST).replace(/[&+]/g, encodeURIComponent);
-  const parts = new URLSearchParams(`all=${text}`).get("all").split(BETWEEN);
-  for (const part of parts.filter((one) => one.trim())) {
-    const [name, value = ""] = part.split(/=(.*)/s).map((one) => one.trim());
+  // URLSearchParams decodes, without an error for what is no code. Some programs encode twice.
+  const plain = (code) => new URLSearchParams(`all=${code.replace(/[&+]/g, encodeURIComponent)}`).get("all");
+  const text = plain(plain(end.slice(0, LONGEST))).replace(/[^\p{L}\d%&=;]+$/u, ""); // brackets, a full stop
+  if (text.endsWith("&")) unread.push("what followed the last &");
+  for (const part of text.split(BETWEEN).filter((one) => one.trim())) {
+    const [before, value = ""] = part.split(/=(.*)/s).map((one) => one.trim());
+    const name = before.match(/[\p{L}\d_.*]+(?=[^\p{L}\d_.*]*$)/u)?.[0] ?? before; // the last word
+    if (ADDED.test(name.toLowerCase())) continue;
     const key = ADDRESS_NAMES.find((names) => names.split(" ").includes(name.toLowerCase()))?.split(" ")[0];
-    const number = key === "goal" && value === "none" ? 0 : readNumber(value);
-    if (!key || key in numbers) unread.push(key ? `${name}, a second time` : name.slice(0, 40));
+    const number = key === "goal" && /^none$/i.test(value) ? 0 : readNumber(value);
+    if (!key || key in numbers) unread.push(key ? `${name}, a second time` : before.slice(0, 40));
     else if (Number.isNaN(number)) faults.push(`${name}: ${notRead(value)}.`);
     else numbers[key] = number;
   }

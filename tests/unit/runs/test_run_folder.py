@@ -20,6 +20,7 @@ from taichi_disk.runs.output.run_folder import refuse_run, run_folder
 SCENE = "scene: compression\nlattice:\n  points: 100         # number of points\n"
 OTHER = SCENE.replace("100", "200")
 RUN = {"scene.yaml", "timeseries.csv", "plot.png", "summary.json"}
+FOREIGN = "thesis.tex .git/HEAD .profile scene.yaml plot.png summary.json frames/me.png"
 
 
 def content(folder):
@@ -123,19 +124,9 @@ def test_a_named_folder_is_refused_if_it_holds_another_run_unless_overwriting(tm
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
-@pytest.mark.parametrize(
-    ("name", "text"),
-    [
-        ("thesis.tex", "x"),
-        (".git/HEAD", "x"),
-        (".profile", "x"),
-        ("scene.yaml", SCENE),
-        ("plot.png", "x"),
-        ("summary.json", "{}"),
-        ("frames/portrait.png", "x"),
-    ],
-)
-def test_files_that_no_run_wrote_are_never_touched(tmp_path, name, text, overwrite):
+@pytest.mark.parametrize("name", FOREIGN.split())
+def test_files_that_no_run_wrote_are_never_touched(tmp_path, name, overwrite):
+    text = SCENE if name == "scene.yaml" else "{}"
     path = tmp_path / "run" / name
     path.parent.mkdir(parents=True)
     path.write_text(text)
