@@ -60,7 +60,7 @@ def part_of(item):
     """
     folder = item.path.parent.name
     name = item.path.stem
-    if folder == "validation":
+    if folder in ("validation", "benchmarks"):
         return "a1"
     if name in SANDBOX.split():
         return "a2"
@@ -84,6 +84,15 @@ def pytest_sessionfinish():
 
 def pytest_make_parametrize_id(val, argname):
     return val.name if argname == "integrator" else None
+
+
+@pytest.fixture(autouse=True)
+def computes_only_if_listed(request, monkeypatch):
+    """Let a unit test make no program of Taichi if its file is not in `COMPUTING`."""
+    simulation = sys.modules.get("taichi_disk.mechanics.simulation.simulation")
+    if simulation and part_of(request.node) == "c":
+        text = "it computes: add its file to COMPUTING of tests/conftest.py"
+        monkeypatch.setattr(simulation, "Program", lambda _: pytest.fail(text))
 
 
 @pytest.fixture

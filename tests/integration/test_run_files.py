@@ -137,6 +137,7 @@ KEYS = {
     "residual roll": "newton",
     "lattices": "several",
     "lattice_digest": "own",
+    "own_start": "python",
 }
 TINY = {"lattice.points": 30, "material.viscosity": 0.0091}
 DISK = Lattice.disk(30, seed=2)
@@ -152,10 +153,12 @@ CASES = [
     (f"{THROWN} oblique several", {"impact.angle": 0.4}, {"lattices": 2}),
     ("compression newton", {"compression.method": "newton"}, {}),
     pytest.param(*RELAXATION, marks=pytest.mark.validate),
-    (f"{THROWN} own", {}, {"lattice": DISK}),
-    (f"{THROWN} own", {}, {"velocities": FALLING}),
+    (f"{THROWN} own python", {}, {"lattice": DISK}),
+    (f"{THROWN} own python", {}, {"velocities": FALLING}),
+    (f"{THROWN} own python", {}, {"lattice": DISK, "velocities": FALLING}),
     (f"{THROWN} own", {"lattice.file": "a.npz"}, {}),
     (f"{THROWN} own", {"lattice.velocities": "a.npz"}, {}),
+    (f"{THROWN} own python", {"lattice.file": "a.npz"}, {"velocities": FALLING}),
 ]
 
 

@@ -46,9 +46,17 @@ _MAX_GAP = 3.0  # from the last point of a path to its first, in longest sides
 _CURVE = np.linspace(0.0, 1.0, 65)  # places along a curve, which may be a whole drop
 # few along a straight side: drawings may have 100,000 of them
 _PLACES = dict.fromkeys((svgelements.Line, svgelements.Close), _CURVE[::8])
-# svgelements draws the content of these where no viewer shows it. It also passes over
-# `transform-origin`, about which viewers turn.
+# svgelements draws the content of these where no viewer shows it.
 _MISPLACED = ("svg", "symbol", "marker", "mask")
+# Viewers apply these to a path; svgelements does not.
+_NOT_APPLIED = (
+    "clip-path",
+    "mask",
+    "transform-origin",
+    "translate",
+    "rotate",
+    "scale",
+)
 
 
 def read_outline(path: Path) -> list[Array]:
@@ -56,7 +64,7 @@ def read_outline(path: Path) -> list[Array]:
     the file, with y upwards."""
     if path.suffix.lower() != ".svg":
         return [read_table(read_text(path))[0]]
-    drawing: Any = svgelements.SVG.parse(path)
+    drawing: Any = svgelements.SVG.parse(path, reify=False)
     scale = svgelements.Matrix(drawing.viewbox_transform)
     if not math.isclose(scale.a, scale.d):
         raise InputError("its view box is stretched: leave preserveAspectRatio out")
@@ -65,16 +73,18 @@ def read_outline(path: Path) -> list[Array]:
         tag = shape.values.get("tag")
         if shape is not drawing and tag in _MISPLACED:
             raise InputError(f"a path is inside of <{tag}>: take it out, or delete it")
-        if shape.values.keys() & {"clip-path", "mask", "transform-origin"}:
-            raise InputError(
-                "a path is clipped or masked, or has a transform-origin: release the"
-                " clip, cut it to its shape, or apply its transforms"
-            )
+        for key in _NOT_APPLIED:
+            if shape.values.get(key, "none") != "none":
+                raise InputError(
+                    f"a path has a {key}: remove it (release a clip), or apply it"
+                )
         is_path = isinstance(shape, svgelements.Shape)
-        if not is_path or shape.values.get("visibility") == "hidden":
+        if not is_path or shape.values.get("visibility") in ("hidden", "collapse"):
             continue
-        outline = abs(svgelements.Path(shape) * ~scale)
-        outline.approximate_arcs_with_cubics()  # an arc may be long: of 36° at most
+        outline = svgelements.Path(shape)
+        # An arc may be long: of 36° at most. Skewed, it would be another.
+        outline.approximate_arcs_with_cubics()
+        outline = abs(outline * ~scale)
         for part in outline.as_subpaths():
             sides = [side.npoint(_PLACES.get(type(side), _CURVE)) for side in part]
             if len(sides) > 1:  # the first is a move

@@ -144,17 +144,24 @@ class Work:
         return replace(outcome, summary=summary)
 
     def _heading(self, status: str, reason: str | None = None) -> Summary:
+        spec = self.scene.lattice
         summary: Summary = {
             "scene": self.scene.scene,
             "status": status,
             "reason": reason,
-            "seed": self.scene.lattice.seed,
+            "seed": spec.seed,
             "versions": files.versions(),
             "wall_clock": self.clock,
             **files.provenance(),
         }
         if self.digest:
             summary["lattice_digest"] = self.digest
+        has_disk = self.own.disk is not None and spec.file == "none"
+        has_velocities = self.own.velocities is not None and spec.velocities == "none"
+        if has_disk or has_velocities:
+            summary["own_start"] = (
+                "lattice or velocities were given in Python: lattice.npz holds them"
+            )
         return summary
 
     @contextmanager

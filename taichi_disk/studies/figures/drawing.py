@@ -304,7 +304,7 @@ def _name_ends(ax: Axes, drawn: Sequence[Any], curves: Sequence[Curve]) -> bool:
 def log_if_wide(ax: Axes, x: Array) -> None:
     """Make the axis of positive `x` logarithmic if they span a factor of 4; on a
     shorter axis labels would overlap. A linear axis has few labels, too."""
-    ax.locator_params(axis="x", nbins=4)
+    ax.locator_params(axis="x", nbins=4, min_n_ticks=3)
     if x.dtype.kind == "f" and x.max() >= 4.0 * x.min() > 0.0:
         ax.set_xscale("log")
         labels = [1.0, 2.0, 5.0]  # of a decade
