@@ -429,7 +429,7 @@ async function play() {
   }
   ui.options.onchange = () => change();
   ui.fold.onclick = () => {
-    ui.graphs.classList.toggle("unfolded");
+    ui.fold.ariaExpanded = ui.graphs.classList.toggle("unfolded");
     show();
   };
   window.onbeforeprint = () => {

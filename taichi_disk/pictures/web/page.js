@@ -14,8 +14,7 @@ let socket;
 let heard = 0; // when the program was heard last [ms]
 const key = (store[KEY] ||= String(Math.random()).slice(2));
 
-const send = (message) =>
-  socket.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message));
+const send = (message) => socket.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message));
 const sandbox = (window.sandbox = new Sandbox(document.querySelector(".sandbox"), send));
 
 // A browser does not say why a websocket was not opened, but it shows the answer to a request.

@@ -32,7 +32,7 @@ function readAddress(address) {
   const unread = end.length > LONGEST ? [`what follows ${LONGEST} letters`] : [];
   // URLSearchParams decodes, without an error for what is no code. Some programs encode twice.
   const plain = (code) => new URLSearchParams(`all=${code.replace(/[&+]/g, encodeURIComponent)}`).get("all");
-  const text = plain(plain(end.slice(0, LONGEST))).replace(/[^\p{L}\d%&=;]+$/u, ""); // brackets, a full stop
+  const text = plain(plain(end.slice(0, LONGEST))).replace(/[^\p{L}\p{N}%&=;]+$/u, ""); // brackets, a full stop
   if (text.endsWith("&")) unread.push("what followed the last &");
   for (const part of text.split(BETWEEN).filter((one) => one.trim())) {
     const [before, value = ""] = part.split(/=(.*)/s).map((one) => one.trim());
