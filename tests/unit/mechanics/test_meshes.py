@@ -99,9 +99,7 @@ def test_points_without_triangles_and_on_sides_are_left_out_with_a_note(tmp_path
     disk = Lattice.read(write(tmp_path / "a.msh", solid(points), *others, cells))
     assert disk.disk_points == 60
     assert len(disk.triangles) == len(start)
-    assert disk.notes[1].startswith(
-        f"{len(points) - 60} of {len(points)} points are no"
-    )
+    assert disk.notes[1].startswith(f"{len(points) - 60} of {len(points)} points are")
 
 
 FLAT = solid(DISK.positions)
