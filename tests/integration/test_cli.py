@@ -376,9 +376,8 @@ def test_nothing_among_the_shipped_scenes_ends_a_command(tmp_path, monkeypatch, 
     (folder / "folder.yaml").mkdir()
     (folder / "link.yaml").symlink_to("nowhere")
     os.mkfifo(folder / "pipe.yaml")
-    monkeypatch.setattr(
-        tree, "__file__", str(tmp_path / "package/experiments/config/tree.py")
-    )
+    module = tmp_path / "package/experiments/config/tree.py"
+    monkeypatch.setattr(tree, "__file__", str(module))
     for words in (["--version"], ["run", "--help"]):
         assert leave(words) == 0
     assert "shipped scene: 50%s, latin\n" in capsys.readouterr().out

@@ -136,9 +136,7 @@ FAULTS = {
     "mask.svg": (svg('<circle r="9" style="mask:url(#a)"/>'), "a path has a mask"),
     # In a viewer, the first is solid, and the hole of the second is in the middle.
     "symbol.svg": (
-        svg(
-            '<rect width="9" height="9"/><symbol><circle cx="4" cy="4" r="2"/></symbol>'
-        ),
+        svg('<rect width="9" height="9"/><symbol><circle r="2"/></symbol>'),
         "a path is inside of <symbol>",
     ),
     "nested.svg": (
