@@ -602,7 +602,7 @@ def test_messages_in_python_name_arguments(result, tmp_path, monkeypatch):
             act(path)
         assert "--" not in str(refusal.value)
     (tmp_path / "r" / "summary.json").write_text("{}")
-    with pytest.raises(InputError, match="no summary.json that can be read"):
+    with pytest.raises(InputError, match=r"no summary\.json that can be read"):
         Result.load("r")
 
 
