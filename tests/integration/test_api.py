@@ -601,6 +601,9 @@ def test_messages_in_python_name_arguments(result, tmp_path, monkeypatch):
         with pytest.raises(InputError, match=message) as refusal:
             act(path)
         assert "--" not in str(refusal.value)
+    (tmp_path / "r" / "summary.json").write_text("{}")
+    with pytest.raises(InputError, match=r"no summary\.json that can be read"):
+        Result.load("r")
 
 
 @pytest.mark.parametrize(

@@ -355,10 +355,8 @@ def test_runs_side_by_side_are_named_by_what_sets_them_apart():
 
     damped = [["material.eta_star=0"], ["material.eta_star=100"]]
     assert named(*damped) == ["η* = 0", "η* = 100"]
-    assert named(["wall.a=50", "impact.velocity=0.1"], []) == [
-        "v = 0.1 c    a = 50/R",
-        "v = 0.02 c    a = 300/R",
-    ]
+    found = named(["wall.a=50", "impact.velocity=0.1"], [])
+    assert found == ["v = 0.1 c    a = 50/R", "v = 0.02 c    a = 300/R"]
     assert named([], []) == ["Impact on a rigid wall"] * 2  # nothing does
 
 

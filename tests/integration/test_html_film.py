@@ -591,13 +591,15 @@ def test_a_table_takes_the_addresses_of_others_and_survives_a_reload(browser, th
         "eta=20\tAnna: #v=0,02 eta=10, Ben: https://x.org/a.html#v=0.08&eta=10",
         "v=3&eta=x",
         "v=0.5&eta=1",
-        "v=0.02&eta=10",
+        "Anna: v=0.02 c, eta=10.",
     ]
     browser.script(PASTE, "\n".join(lines))
     faults = "return document.getElementById('faults').innerText"
     browser.wait(lambda: "v=0.5" in browser.script(faults))
     assert "v=3&eta=x: eta: “x” is not read as a number" in browser.script(faults)
     assert "0.5 is beyond the slider: 0.1." in browser.script(faults)
+    left = "return document.getElementById('addresses').value"
+    browser.wait(lambda: browser.script(left) == "v=3&eta=x\nv=0.5&eta=1")
     expected = ["0.08", "0.02", "0.05", "0.03", "0.1", "0.04"]
     browser.wait(lambda: browser.script(SPEEDS) == expected)
     dots = "return document.querySelectorAll('#diagram b').length"

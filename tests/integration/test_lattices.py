@@ -152,9 +152,8 @@ def test_a_lattice_without_result_is_reported_and_left_out(monkeypatch, error, r
     summary = run(SCENE, lattices=4).summary
     assert summary["lattices"]["seeds"] == [3, 4, 6]
     assert len(summary["lattices"]["restitution"]["values"]) == 3
-    assert summary["warnings"] == [
-        f"there is no result on the lattice of seed 5: {reason}"
-    ]
+    text = f"there is no result on the lattice of seed 5: {reason}"
+    assert summary["warnings"] == [text]
 
 
 def test_a_run_in_python_says_that_lattices_were_folded(notices):

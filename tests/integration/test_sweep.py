@@ -598,10 +598,8 @@ def test_fits_of_literal_lattices_say_how_far_they_can_be_trusted(tmp_path, rim,
 
 def test_any_result_is_drawn_against_any_axis(small):
     (axes,) = small.plot(x="velocity", y="contact_time").axes
-    assert (axes.get_xlabel(), axes.get_ylabel()) == (
-        "velocity  [c]",
-        "contact time  [R/c]",
-    )
+    names = ("velocity  [c]", "contact time  [R/c]")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == names
     # names stand at the ends of curves
     names = [text.get_text() for text in axes.texts]
     assert sorted(names) == ["η* = 0", "η* = 30"]
@@ -613,9 +611,7 @@ def test_any_result_is_drawn_against_any_axis(small):
             assert mean == pytest.approx(statistics.mean(times))
     (axes,) = small.plot(x="seed").axes
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("seed", "restitution e")
-    with pytest.raises(
-        InputError, match="x: angle is not swept; there are eta_star, seed, velocity"
-    ):
+    with pytest.raises(InputError, match="x: angle is not swept; there are eta_star, "):
         small.plot(x="angle")
     with pytest.raises(InputError, match="y: no row has a number xi; there are "):
         small.plot(y="xi")

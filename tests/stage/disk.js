@@ -58,17 +58,22 @@ const drag = (id, from, to, more) => {
   pointer(get(id), more?.cancelled ? "pointercancel" : "pointerup", ...to, more);
 };
 
-// Note what a field is told to draw, how many pixels it covers, and its mean colour.
+// Note what a field is told to draw, how many pixels it covers, and their mean place and colour.
 const noteFields = (Field) => {
   const draw = Field.prototype.draw;
   Field.prototype.draw = function (width, height, { positions, values, colours, ...more }) {
     const canvas = draw.call(this, width, height, { positions, values, colours, ...more });
-    const sums = [0, 0, 0, 0];
+    const sums = [0, 0, 0, 0, 0, 0];
     const { data } = this.image;
     for (let i = 0; i < data.length; i++) sums[i % 4] += data[i] / 255;
+    for (let i = 3; i < data.length; i += 4) {
+      sums[4] += (data[i] / 255) * ((i >> 2) % this.width);
+      sums[5] += (data[i] / 255) * Math.floor((i >> 2) / this.width);
+    }
+    const place = sums.slice(4).map((sum) => rounded(sum / sums[3]));
     const mean = sums.slice(0, 3).map((sum) => rounded((255 * sum) / sums[3]));
     const words = JSON.stringify({ positions: [...positions], values: [...values], ...more }, plain);
-    stage.drawn.push(`  field ${width} x ${height} ${words} ${Math.round(sums[3])} pixels ${mean}`);
+    stage.drawn.push(`  field ${width} x ${height} ${words} ${Math.round(sums[3])} pixels at ${place} ${mean}`);
     return canvas;
   };
 };

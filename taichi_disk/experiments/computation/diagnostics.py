@@ -42,10 +42,8 @@ def relative_imbalance(scenario: Scenario, columns: Columns) -> tuple[float, flo
 
 
 def summary(scenario: Scenario, columns: Columns) -> dict[str, Any]:
-    found = {}
-    for name in of_kind("energy", "loss", "part"):
-        if name != "friction" or columns[name].any():
-            found[name] = float(columns[name][-1])
+    names = of_kind("energy", "loss", "part")
+    found = {name: float(columns[name][-1]) for name in names}
     if columns["translation"][0]:
         found["vibration_left"] = Contact(columns).vibration_left
     closing, worst = relative_imbalance(scenario, columns)

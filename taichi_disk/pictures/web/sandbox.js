@@ -72,14 +72,11 @@ export class Sandbox {
     const gripped = (...at) => grip(this, ...at);
     followPointers(ui.disk, this.drawing, () => this.redraw(), gripped);
     node.onclick = ({ target }) =>
-      this.panel
-        ? this.click(target.closest("button, [type=checkbox]"))
-        : this.expect(target === ui.drop);
+      this.panel ? this.click(target.closest("button, [type=checkbox]")) : this.expect(target === ui.drop);
     for (const dialog of node.querySelectorAll("dialog"))
       dialog.onpointerdown = (event) => isOutside(event) && dialog.close();
-    document.addEventListener("keydown", (event) =>
-      this.panel ? this.key(event) : this.expect(event.key === " "),
-    );
+    const press = (event) => (this.panel ? this.key(event) : this.expect(event.key === " "));
+    document.addEventListener("keydown", press);
     this.shortcuts = [];
     for (const one of node.querySelectorAll("[aria-keyshortcuts]")) {
       const shortcut = [one.getAttribute("aria-keyshortcuts"), one.title || one.textContent];

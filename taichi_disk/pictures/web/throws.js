@@ -34,7 +34,7 @@ function readAddress(address) {
   const plain = (code) => new URLSearchParams(`all=${code.replace(/[&+]/g, encodeURIComponent)}`).get("all");
   const text = plain(plain(end.slice(0, LONGEST))).replace(/[^\p{L}\p{N}%&=;]+$/u, ""); // brackets, a full stop
   if (text.endsWith("&")) unread.push("what followed the last &");
-  for (const part of text.split(BETWEEN).filter((one) => one.trim())) {
+  for (const part of text.split(BETWEEN).filter((one) => /[^\s:]\s*$/.test(one))) { // no “Anna:”
     const [before, value = ""] = part.split(/=(.*)/s).map((one) => one.trim());
     const name = before.match(/[\p{L}\d_.*]+(?=[^\p{L}\d_.*]*$)/u)?.[0] ?? before; // the last word
     if (ADDED.test(name.toLowerCase())) continue;
@@ -227,19 +227,22 @@ export class Throws {
     if (ui.verdict.textContent !== text) ui.verdict.textContent = text; // which a screen reader says
   }
 
-  // Throw what the pasted addresses say, one after the other. What is ended follows the next throw.
+  // Throw what the pasted addresses say, one after the other. What is ended follows the next throw; what is
+  // refused stays, to be corrected.
   async collect() {
     const { ui } = this;
     const links = ui.addresses.value.replace(/\s*\n(?=\s*&)|(?<=&|&amp;)\s*\n/g, ""); // a mail breaks them
     const lines = links.split(/\n|(?<==\S*),?\s+(?=[^=]*#)/).filter((line) => line.trim()); // a chat joins them
     ui.faults.textContent = "";
-    for (const [k, line] of lines.entries()) {
+    const left = new Set(lines);
+    for (const line of left) {
       const { numbers, faults } = readAddress(line);
       const one = { ...this.own, ...numbers };
       const problem = [...faults, this.beyond(one)].join(" ").trim();
       if (problem) ui.faults.append(`${line.trim().slice(0, 60)}: ${problem}\n`);
-      else if (!(await this.thrown(one))) return;
-      ui.addresses.value = lines.slice(k + 1).join("\n");
+      else if (await this.thrown(one)) left.delete(line);
+      else return;
+      ui.addresses.value = [...left].join("\n");
     }
   }
 

@@ -136,9 +136,7 @@ FAULTS = {
     "mask.svg": (svg('<circle r="9" style="mask:url(#a)"/>'), "a path has a mask"),
     # In a viewer, the first is solid, and the hole of the second is in the middle.
     "symbol.svg": (
-        svg(
-            '<rect width="9" height="9"/><symbol><circle cx="4" cy="4" r="2"/></symbol>'
-        ),
+        svg('<rect width="9" height="9"/><symbol><circle r="2"/></symbol>'),
         "a path is inside of <symbol>",
     ),
     "nested.svg": (
@@ -165,7 +163,7 @@ FAULTS = {
     ),
     "notch.svg": (svg('<path d="M0 0H40V40H43V0H80V80H0Z"/>'), "at (40, -40) the body"),
     "dot.svg": (svg('<circle r="9"/><circle r=".3"/>'), "too thin: round it off"),
-    "tip.csv": ("0,0\n4,.1\n4,2\n2,2\n2,.3\n0,.2", "too thin: round it off"),
+    "tip.csv": ("0,0\n.4,.01\n.4,.2\n.2,.2\n.2,.03\n0,.02", "too thin: round"),
 }
 
 

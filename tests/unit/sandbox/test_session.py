@@ -236,6 +236,13 @@ def test_a_scale_grows_by_twos_with_a_note_and_not_from_rounding_errors(session)
     assert 1e-3 < scales.colour / before < 2e-3
 
 
+def test_all_keys_count_that_are_pressed_between_two_pictures(session):
+    for _ in range(2):
+        session.hear({"do": "press", "key": "l"})  # another random lattice
+    session.advance()
+    assert session.sandbox.scene.lattice.seed == 2
+
+
 def test_an_error_in_a_command_is_named_and_all_go_on(session, monkeypatch, capfd):
     def fail(*_):
         raise IndexError("out of range")
