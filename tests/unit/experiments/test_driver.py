@@ -12,6 +12,7 @@ from taichi_disk.experiments.computation.diagnostics import (
     inverted_triangles,
 )
 from taichi_disk.experiments.scenes.impact import ImpactScenario
+from taichi_disk.mechanics.simulation.observables import as_columns
 from tests.validation.hard_cases import FAST_SPIN, FOLDING
 
 IMPACT = words("exponential_wall lattice.points=60 material.eta_star=0 time.safety=0.3")
@@ -112,6 +113,16 @@ def test_the_end_of_a_hovering_rod_is_asked_a_few_times(kernels, monkeypatch, tm
     earlier = {name: values[[-3]] for name, values in driver.columns.items()}
     assert driver.scenario.time_to_end(driver.columns) == 0.0
     assert plain(driver.scenario, earlier) > 0.0
+
+
+def test_a_falling_disk_copies_two_rows_to_ask_for_its_end(kernels, monkeypatch):
+    def of_two(rows, interval):
+        assert len(rows) == 2
+        return as_columns(rows, interval)
+
+    monkeypatch.setattr(driver, "as_columns", of_two)
+    falls = words("impact.velocity=0.05 impact.gravity=5e-3 impact.bounces=2")
+    assert driver_of(kernels, *IMPACT, *falls, "time.dt=0.018").advance() == "finished"
 
 
 def test_a_run_whose_balance_is_lost_fails_if_its_step_was_chosen(kernels, monkeypatch):

@@ -155,6 +155,7 @@ FAULTS = {
     "pair.csv": ("0,0\n1,0", "requires at least 4 coordinates"),
     "line.csv": ("0,0\n1,0\n2,0", "not the edge of one body"),
     "broken.svg": ("<svg><path d=", "unclosed token"),
+    "part.dxf": ("0\nSECTION", "is a drawing (.svg) or a table (.csv): save it so"),
     "slender.csv": ("0,0\n10,0\n10,1\n0,1", "the points extend over"),
     "neck.svg": (
         svg('<path d="M0 0h4v2.8h2v-2.8h4v6h-4v-2.8h-2v2.8h-4z"/>'),
