@@ -290,7 +290,9 @@ class Session:
                 digits = ".3f"
             motion = [f"*{symbol} = {result:{digits}}"]
         elif scenario.falls_back:
-            motion.append(scenario.bounces(time.segment.columns))
+            # not copied, because this is done for every picture
+            columns = dict(zip(INDEX, time.segment.rows.T, strict=True))
+            motion.append(scenario.bounces(columns))
         magnify = self.controls.value("video.magnify")
         if magnify > 1.0:
             clock = f"{clock}, displacements × {magnify:g}"
