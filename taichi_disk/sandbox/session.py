@@ -290,9 +290,7 @@ class Session:
                 digits = ".3f"
             motion = [f"*{symbol} = {result:{digits}}"]
         elif scenario.falls_back:
-            # not copied, because this is done for every picture
-            columns = dict(zip(INDEX, time.segment.rows.T, strict=True))
-            motion.append(scenario.bounces(columns))
+            motion.append(scenario.bounces(time.segment.columns))
         magnify = self.controls.value("video.magnify")
         if magnify > 1.0:
             clock = f"{clock}, displacements × {magnify:g}"
