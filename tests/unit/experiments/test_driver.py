@@ -33,18 +33,16 @@ SCENES = {
     ],
 )
 def test_steps_are_as_reported_and_launches_leave_no_trace(name, kernels, monkeypatch):
-    driver = driver_of(kernels, *SCENES[name])
-    assert driver.advance() == "finished"
-    columns = driver.columns
-    state = driver.end
-    assert state.step == driver.stride * (len(columns["t"]) - 1)
+    whole = driver_of(kernels, *SCENES[name])
+    assert whole.advance() == "finished"
+    columns = whole.columns
+    state = whole.end
+    assert state.step == whole.stride * (len(columns["t"]) - 1)
     summary = computed(kernels, *SCENES[name], estimate=False)[1].summary
-    assert (summary["steps"], summary["dt"]) == (state.step, driver.step.dt)
+    assert (summary["steps"], summary["dt"]) == (state.step, whole.step.dt)
     assert summary["attempts"] == 1
     # Launches of a few steps give bitwise the same end.
-    monkeypatch.setattr(
-        "taichi_disk.experiments.computation.driver.SPRINGS_PER_LAUNCH", 20_000
-    )
+    monkeypatch.setattr(driver, "SPRINGS_PER_LAUNCH", 20_000)
     short = driver_of(kernels, *SCENES[name])
     assert short.advance(steps=11) == "running"
     assert short.simulation.step_number == 11

@@ -150,7 +150,6 @@ FAULTS = {
     ),
     "tips.csv": ("0,0\n9,0\n9,9\n0,9\n4,1", "too thin: round it off"),
     "words.svg": (svg("<text>body</text>"), "words and images must be made paths"),
-    "empty.svg": (svg(""), "there are no paths"),
     "empty.csv": ("x,y\n", "it has no points (x | y)"),
     "pair.csv": ("0,0\n1,0", "n from 3 to 2000000, not (2, 2)"),
     "path.svg": ('<path d="M0 0h9v9z"/>', "a part of a drawing: write <svg> "),
