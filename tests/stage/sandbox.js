@@ -155,7 +155,7 @@ function record() {
     tell(GRAPHS);
     show();
     tell({ kind: "yaml", text: "scene: exponential_wall" });
-    showState({ number: 1 });
+    showState({ number: 1, turn: 0.2 });
   });
   step("aimed", () => show({ aimed: [0.06, 0.35] }));
   step("thrown", () => {
