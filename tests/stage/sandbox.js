@@ -358,6 +358,8 @@ function record() {
     remark(`two points are at ${pairs([at(0, 0), at(1, 1)])}`);
   });
   look("a point is pulled", () => {
+    get("contact").click();
+    remark(`after the contact was at ${pairs([at(0, 0), at(1, 1)])}`);
     get("all").click();
     pointer(get("disk"), "pointerdown", ...at(0.2, 0.2));
     showState({ number: 13, pulled: 6 });
