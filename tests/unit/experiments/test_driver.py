@@ -36,9 +36,8 @@ def test_steps_are_as_reported_and_launches_leave_no_trace(name, kernels, monkey
     assert (summary["steps"], summary["dt"]) == (state.step, driver.step.dt)
     assert summary["attempts"] == 1
     # Launches of a few steps give bitwise the same end.
-    monkeypatch.setattr(
-        "taichi_disk.experiments.computation.driver.SPRINGS_PER_LAUNCH", 20_000
-    )
+    number = "taichi_disk.experiments.computation.driver.SPRINGS_PER_LAUNCH"
+    monkeypatch.setattr(number, 20_000)
     short = driver_of(kernels, *SCENES[name])
     assert short.advance(steps=11) == "running"
     assert short.simulation.step_number == 11
