@@ -67,7 +67,7 @@ class Segment(Driver):
         self.hit_began = hit_began
         self.lost_before = lost_before
 
-    def advance(self, seconds: float = inf, steps: int | None = None) -> Status:
+    def advance(self, seconds: float = inf, steps: int = MAX_STEPS) -> Status:
         """Advance as a `Driver` does; the disk still moves after the end, and the
         status stays "finished"."""
         self.can_end = self.end is None and self.label != PULLED

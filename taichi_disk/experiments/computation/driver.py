@@ -143,7 +143,7 @@ class Driver:
 
     # ---- time
 
-    def advance(self, seconds: float = inf, steps: int | None = None) -> Status:
+    def advance(self, seconds: float = inf, steps: int = MAX_STEPS) -> Status:
         """Compute up to `steps` steps (default: to the end), for not much longer than
         `seconds` of wall-clock time.
 
@@ -152,9 +152,7 @@ class Driver:
         if self.status != "running":
             return self.status
         until = perf_counter() + seconds
-        last = self.last_step
-        if steps is not None:
-            last = min(last, self.simulation.step_number + steps)
+        last = min(self.last_step, self.simulation.step_number + steps)
         while self.simulation.step_number < last:
             self._launch(last)
             if self.status != "running" or perf_counter() >= until:
@@ -188,12 +186,13 @@ class Driver:
                 self._end_if_settled()
 
     def _end_if_settled(self) -> None:
-        # Use only the rows of the settling time, because this check may run at every
+        # Copy only the rows of the settling time, because this check may run at every
         # row.
-        last_rows = self.rows
-        if not self.scenario.is_thrown:  # to count the bounces
-            last_rows = self.rows[max(0, self.count - self.needed_rows - 1) :]
-        remaining = self.scenario.time_to_end(as_columns(last_rows, self.interval))
+        last_rows = self.rows[-self.needed_rows - 1 :]
+        columns = as_columns(last_rows, self.interval)
+        if self.scenario.falls_back:  # to count the bounces
+            columns |= zip(INDEX, self.rows.T, strict=True)
+        remaining = self.scenario.time_to_end(columns)
         if remaining == 0.0:
             self._finish()
             return

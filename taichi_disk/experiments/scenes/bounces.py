@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from taichi_disk.experiments.computation.contact import apexes
 from taichi_disk.experiments.config.sections import ImpactSection
 from taichi_disk.experiments.scenes.conflicts import Conflicts
-from taichi_disk.mechanics.simulation.observables import Columns
 
 # name and unit of the results of later bounces, up to the most `impact.bounces`
 LATER = {
@@ -58,12 +56,3 @@ def bounce_conflicts(impact: ImpactSection, reach: float) -> Conflicts:
         ),
     ]
     return [(key, text) for is_fault, key, text in faults if is_fault]
-
-
-def unfinished_bounces(columns: Columns, bounces: int) -> str:
-    """Return why a run whose time is over made fewer than `bounces` bounces."""
-    return (
-        f"the disk has made {len(apexes(columns))} of {bounces} bounces by t ="
-        f" {columns['t'][-1]:.6g} R/c: set impact.bounces lower, or impact.max_time"
-        " higher; a disk that has folded stays: set impact.velocity lower"
-    )

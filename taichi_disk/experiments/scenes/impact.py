@@ -27,12 +27,7 @@ from taichi_disk.experiments.computation.scenario import (
 )
 from taichi_disk.experiments.computation.words import Lines, Numbers
 from taichi_disk.experiments.scenes import oblique
-from taichi_disk.experiments.scenes.bounces import (
-    LATER,
-    NAMES,
-    bounce_conflicts,
-    unfinished_bounces,
-)
+from taichi_disk.experiments.scenes.bounces import LATER, NAMES, bounce_conflicts
 from taichi_disk.experiments.scenes.conflicts import Conflicts, gap_conflicts
 from taichi_disk.experiments.scenes.scene import DiskScene
 from taichi_disk.mechanics.lattice import Lattice, disk_of
@@ -371,7 +366,8 @@ class ImpactScenario(Scenario):
         if self.falls_back:
             # It stays on the wall if no energy is left to lift it to its start.
             stored = sum(last[name] for name in of_kind("energy"))
-            has_ended = len(apexes(columns)) >= impact.bounces
+            is_high = last["com_y"] > columns["com_y"][0]
+            has_ended = is_high and len(apexes(columns)) >= impact.bounces
             if has_ended or stored < columns["load"][0]:
                 return 0.0
             return abs(rising) / impact.gravity + self.gap / self.velocity
@@ -390,7 +386,13 @@ class ImpactScenario(Scenario):
 
     def unfinished(self, columns: Columns) -> str:
         if self.falls_back:
-            return unfinished_bounces(columns, self.scene.impact.bounces)
+            return (
+                f"the disk has made {len(apexes(columns))} of"
+                f" {self.scene.impact.bounces} bounces by t ="
+                f" {columns['t'][-1]:.6g} R/c: set impact.bounces lower, or"
+                " impact.max_time higher; a disk that has folded, or whose flight has"
+                " become vibration, stays: set impact.velocity lower"
+            )
         v = columns["com_vy"][-1]
         y = columns["lowest_y"][-1]
         name, damped = self.scene.material.dashpots

@@ -72,7 +72,7 @@ def check_body(x: Array, max_offset: float) -> None:
     if abs(middle) > max_offset:
         raise InputError(
             f"the points' mean lies at x = {middle:.4g} R: shift them so that it is at"
-            " x = 0"
+            " x = 0 (a mesh that is finer on one side is heavier there: mesh it evenly)"
         )
     least = _MIN_DISTANCE * hexagonal_spacing(len(x))
     for i, j in sorted(cKDTree(x).query_pairs(least)):

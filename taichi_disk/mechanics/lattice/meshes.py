@@ -22,6 +22,9 @@ _FLATNESS = 1e-6
 TIME = 30.0
 MEMORY = 4000.0
 MEMORY_FACTOR = 20.0
+EQUAL_MASSES = (
+    "all points have the same mass, so a part that is meshed more finely is heavier"
+)
 Mesh: TypeAlias = tuple[Array, Long, tuple[str, ...]]
 
 
@@ -54,10 +57,10 @@ def _mesh_of(path: Path) -> Mesh:
     if (np.delete(size, axes) > _FLATNESS * size.max()).any():
         sizes = " x ".join(f"{one:g}" for one in size)
         raise InputError(f"the mesh is not flat: its corners extend over {sizes}")
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = (EQUAL_MASSES,)
     if axes.tolist() != [0, 1]:
         names = " and ".join("xyz"[axis] for axis in axes)
-        notes = (f"{path.name} lies in the plane of {names}",)
+        notes = (f"{path.name} lies in the plane of {names}", *notes)
     return points[:, axes], triangles, notes
 
 

@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 from taichi_disk.base.errors import InputError
 from taichi_disk.base.text_files import read_text
 from taichi_disk.mechanics.lattice.custom import check_body
+from taichi_disk.mechanics.lattice.files import TABLES
 from taichi_disk.mechanics.lattice.random_points import (
     MAX_POINTS,
     MIN_EDGE,
@@ -62,8 +63,11 @@ _NOT_APPLIED = (
 def read_outline(path: Path) -> list[Array]:
     """Return the paths (k, 2) of a drawing (.svg), or the one of a table, in units of
     the file, with y upwards."""
-    if path.suffix.lower() != ".svg":
+    suffix = path.suffix.lower()
+    if suffix in TABLES:
         return [read_table(read_text(path))[0]]
+    if suffix != ".svg":
+        raise InputError("an outline is a drawing (.svg) or a table (.csv): save it so")
     drawing: Any = svgelements.SVG.parse(path, reify=False)
     scale = svgelements.Matrix(drawing.viewbox_transform)
     if not math.isclose(scale.a, scale.d):

@@ -12,6 +12,7 @@ from taichi_disk.experiments.computation.diagnostics import (
     inverted_triangles,
 )
 from taichi_disk.experiments.scenes.impact import ImpactScenario
+from taichi_disk.mechanics.simulation.observables import as_columns
 from tests.validation.hard_cases import FAST_SPIN, FOLDING
 
 COMPRESSION = pytest.param("compression", marks=pytest.mark.validate)
@@ -27,17 +28,16 @@ SCENES = {
 
 @pytest.mark.parametrize("name", ["impact", "elastic wall", COMPRESSION])
 def test_steps_are_as_reported_and_launches_leave_no_trace(name, kernels, monkeypatch):
-    driver = driver_of(kernels, *SCENES[name])
-    assert driver.advance() == "finished"
-    columns = driver.columns
-    state = driver.end
-    assert state.step == driver.stride * (len(columns["t"]) - 1)
+    whole = driver_of(kernels, *SCENES[name])
+    assert whole.advance() == "finished"
+    columns = whole.columns
+    state = whole.end
+    assert state.step == whole.stride * (len(columns["t"]) - 1)
     summary = computed(kernels, *SCENES[name], estimate=False)[1].summary
-    assert (summary["steps"], summary["dt"]) == (state.step, driver.step.dt)
+    assert (summary["steps"], summary["dt"]) == (state.step, whole.step.dt)
     assert summary["attempts"] == 1
     # Launches of a few steps give bitwise the same end.
-    number = "taichi_disk.experiments.computation.driver.SPRINGS_PER_LAUNCH"
-    monkeypatch.setattr(number, 20_000)
+    monkeypatch.setattr(driver, "SPRINGS_PER_LAUNCH", 20_000)
     short = driver_of(kernels, *SCENES[name])
     assert short.advance(steps=11) == "running"
     assert short.simulation.step_number == 11
@@ -106,6 +106,16 @@ def test_the_end_of_a_hovering_rod_is_asked_a_few_times(kernels, monkeypatch, tm
     earlier = {name: values[[-3]] for name, values in driver.columns.items()}
     assert driver.scenario.time_to_end(driver.columns) == 0.0
     assert plain(driver.scenario, earlier) > 0.0
+
+
+def test_a_falling_disk_copies_two_rows_to_ask_for_its_end(kernels, monkeypatch):
+    def of_two(rows, interval):
+        assert len(rows) == 2
+        return as_columns(rows, interval)
+
+    monkeypatch.setattr(driver, "as_columns", of_two)
+    falls = words("impact.velocity=0.05 impact.gravity=5e-3 impact.bounces=2")
+    assert driver_of(kernels, *IMPACT, *falls, "time.dt=0.018").advance() == "finished"
 
 
 def test_a_run_whose_balance_is_lost_fails_if_its_step_was_chosen(kernels, monkeypatch):

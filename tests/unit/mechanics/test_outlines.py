@@ -150,11 +150,11 @@ FAULTS = {
     ),
     "tips.csv": ("0,0\n9,0\n9,9\n0,9\n4,1", "too thin: round it off"),
     "words.svg": (svg("<text>body</text>"), "words and images must be made paths"),
-    "empty.svg": (svg(""), "there are no paths"),
     "empty.csv": ("x,y\n", "it has no points (x | y)"),
     "pair.csv": ("0,0\n1,0", "requires at least 4 coordinates"),
     "line.csv": ("0,0\n1,0\n2,0", "not the edge of one body"),
     "broken.svg": ("<svg><path d=", "unclosed token"),
+    "part.dxf": ("0\nSECTION", "is a drawing (.svg) or a table (.csv): save it so"),
     "slender.csv": ("0,0\n10,0\n10,1\n0,1", "the points extend over"),
     "neck.svg": (
         svg('<path d="M0 0h4v2.8h2v-2.8h4v6h-4v-2.8h-2v2.8h-4z"/>'),
