@@ -70,7 +70,7 @@ def read_outline(path: Path) -> list[Array]:
         raise InputError("an outline is a drawing (.svg) or a table (.csv): save it so")
     drawing: Any = svgelements.SVG.parse(path, reify=False)
     if not isinstance(drawing, svgelements.SVG):
-        raise InputError("it is only a part of a drawing: write <svg> … </svg> round it")
+        raise InputError("it is a part of a drawing: write <svg> … </svg> round it")
     scale = svgelements.Matrix(drawing.viewbox_transform)
     if not math.isclose(scale.a, scale.d):
         raise InputError("its view box is stretched: leave preserveAspectRatio out")
