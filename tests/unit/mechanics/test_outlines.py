@@ -158,7 +158,7 @@ FAULTS = {
     "words.svg": (svg("<text>body</text>"), "words and images must be made paths"),
     "empty.csv": ("x,y\n", "it has no points (x | y)"),
     "pair.csv": ("0,0\n1,0", "n from 3 to 2000000, not (2, 2)"),
-    "path.svg": ('<path d="M0 0h9v9z"/>', "a part of a drawing: write <svg> "),
+    "path.svg": ('<path d="M0 0h9v9z"/>', "is a part of a drawing: write <svg> "),
     "line.csv": ("0,0\n1,0\n2,0", "not the edge of one body"),
     "broken.svg": ("<svg><path d=", "unclosed token"),
     "part.dxf": ("0\nSECTION", "is a drawing (.svg) or a table (.csv): save it so"),
