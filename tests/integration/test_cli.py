@@ -257,10 +257,8 @@ if "matplotlib" in sys.modules:
         (">/dev/full", 1),
         (">&-", 0),
         ("2>&-", 0),
-        *(
-            pytest.param(*case, marks=pytest.mark.validate)
-            for case in ((">&- 2>&-", 0), ("2>/dev/full", 0))
-        ),
+        pytest.param(">&- 2>&-", 0, marks=pytest.mark.validate),
+        pytest.param("2>/dev/full", 0, marks=pytest.mark.validate),
     ],
 )
 def test_a_closed_or_full_output_ends_without_a_traceback(redirection, status):

@@ -151,6 +151,7 @@ def test_the_site_is_built_fetches_nothing_and_finds_what_a_reader_looks_for(tmp
         assert 'class="arithmatex"' not in text, page
     assert "<math" in (tmp_path / "model/index.html").read_text("utf-8")
     assert (tmp_path / "reference/index.html").exists()
+    assert "a { text-decoration: underline; }" in (tmp_path / "site.css").read_text()
     index = json.loads((tmp_path / "search/search_index.json").read_text("utf-8"))
     for words in ("degrees", "phone", "still picture"):
         assert any(words in page["text"] for page in index["docs"]), words

@@ -155,7 +155,7 @@ function record() {
     tell(GRAPHS);
     show();
     tell({ kind: "yaml", text: "scene: exponential_wall" });
-    showState({ number: 1 });
+    showState({ number: 1, turn: 0.2 });
   });
   step("aimed", () => show({ aimed: [0.06, 0.35] }));
   step("thrown", () => {
@@ -358,6 +358,8 @@ function record() {
     remark(`two points are at ${pairs([at(0, 0), at(1, 1)])}`);
   });
   look("a point is pulled", () => {
+    get("contact").click();
+    remark(`after the contact was at ${pairs([at(0, 0), at(1, 1)])}`);
     get("all").click();
     pointer(get("disk"), "pointerdown", ...at(0.2, 0.2));
     showState({ number: 13, pulled: 6 });

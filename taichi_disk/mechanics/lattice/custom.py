@@ -47,11 +47,10 @@ def refuse(is_bad: Any, fault: Callable[[int], str]) -> None:
 def point_array(points: ArrayLike) -> Array:
     """Return `points` as a new array (n, 2) of finite numbers."""
     x = numbers(points, "points")
-    if x.ndim != 2 or x.shape[1] != 2:
-        raise InputError(f"points must be an array of shape (n, 2), not {x.shape}")
-    if not MIN_POINTS <= len(x) <= MAX_POINTS:
+    if x.shape[1:] != (2,) or not MIN_POINTS <= len(x) <= MAX_POINTS:
         raise InputError(
-            f"a lattice has {MIN_POINTS} to {MAX_POINTS} points, not {len(x)}"
+            f"points must be an array of shape (n, 2), n from {MIN_POINTS} to"
+            f" {MAX_POINTS}, not {x.shape}"
         )
     refuse(~np.isfinite(x).all(axis=1), lambda k: f"point {k} is not finite")
     return x

@@ -231,9 +231,9 @@ class Lattice:
         from taichi_disk.mechanics.lattice.outlines import filled
 
         paths: Any = outline
-        if np.ndim(paths[0]) == 1:  # a point of the only path
+        if np.ndim(paths[0][0]) == 0:  # x of the first point of the only path
             paths = [outline]
-        paths = [custom.numbers(path, "outline") for path in paths]
+        paths = [custom.point_array(path) for path in paths]
         x, triangles, note = filled(paths, points, seed, min_spacing)
         return replace(numbered(x, triangles), origin=f"seed {seed}", notes=(note,))
 

@@ -68,7 +68,7 @@ def read_outline(path: Path) -> list[Array]:
         return [read_table(read_text(path))[0]]
     if suffix != ".svg":
         raise InputError("an outline is a drawing (.svg) or a table (.csv): save it so")
-    drawing: Any = svgelements.SVG.parse(path, reify=False)
+    drawing = _drawing(path)
     scale = svgelements.Matrix(drawing.viewbox_transform)
     if not math.isclose(scale.a, scale.d):
         raise InputError("its view box is stretched: leave preserveAspectRatio out")
@@ -96,6 +96,13 @@ def read_outline(path: Path) -> list[Array]:
     if not paths:
         raise InputError("there are no paths; words and images must be made paths")
     return paths
+
+
+def _drawing(path: Path) -> Any:
+    drawing = svgelements.SVG.parse(path, reify=False)
+    if not isinstance(drawing, svgelements.SVG):
+        raise InputError("it is a part of a drawing: write <svg> … </svg> round it")
+    return drawing
 
 
 def filled(

@@ -60,7 +60,8 @@ def _refusal(fault: str, *cells: str) -> InputError:
     content = printable(" | ".join(cells), width=100)
     return InputError(
         f"{fault} ({content}): a table has one line of names with x, y and optionally"
-        " mass, or no names and two columns; Lattice.from_points takes other points"
+        " mass, or no names and two columns; Lattice.from_points takes other points,"
+        " Lattice.outline other outlines"
     )
 
 

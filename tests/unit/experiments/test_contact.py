@@ -48,6 +48,8 @@ def test_results_are_measured_after_the_last_contact_if_there_are_losses_else_la
         lossy = Contact(columns(**{loss: 1e-3}))
         assert lossy.results_time == pytest.approx(5.0, abs=0.1)
     assert Contact(columns()).results_time == 10.0
+    rings = {"vibration": 0.1 + 0.02 * T, "elastic": 0.0 * T, "translation": T + 0.5}
+    assert Contact(columns() | rings).vibration_left == pytest.approx(0.4)
 
 
 def test_a_contact_may_begin_with_the_second_row():

@@ -71,9 +71,8 @@ def test_a_blow_up_at_a_forced_step_is_reported_with_the_last_good_state(kernels
 
 
 def test_a_number_that_is_not_finite_is_found_after_a_launch(kernels, monkeypatch):
-    monkeypatch.setattr(
-        "taichi_disk.experiments.computation.driver.SPRINGS_PER_LAUNCH", 20_000
-    )
+    number = "taichi_disk.experiments.computation.driver.SPRINGS_PER_LAUNCH"
+    monkeypatch.setattr(number, 20_000)
     driver = driver_of(kernels, *SMALL, "impact.gap=0.13", "time.dt=0.02")
     driver.advance(steps=500)  # to the middle of the impact
     snapshot = driver.simulation.snapshot()

@@ -122,7 +122,7 @@ NO_DISKS = [
     (["a"], {}, "array of real numbers"),
     (10**400, {}, "array of real numbers"),
     ([[1j, 0.0]] * 5, {}, "array of real numbers"),
-    (ROUND[:2], {}, "3 to 2000000 points, not 2"),
+    (ROUND[:2], {}, "n from 3 to 2000000, not (2, 2)"),
     (np.where(ROUND == 0, np.nan, ROUND), {}, "is not finite"),
     (ROUND * 10, {}, "extend over 20 x"),
     (ROUND + [1.0, 5.0], {}, "x = 1 R"),

@@ -91,6 +91,12 @@ def test_the_way_round_and_repeated_points_do_not_matter():
     assert not (Lattice.outline(ELL, 200, seed=4).positions == usual).all()
 
 
+def test_contours_of_opencv_or_of_several_bodies_are_refused_by_their_shape():
+    for contour in (ELL[:, None], [ELL[:, None]], [[ELL, ELL[:4]], [ELL + 9]]):
+        with pytest.raises(InputError, match="points must be an array of "):
+            Lattice.outline(contour, 200)
+
+
 def test_a_drawing_gives_the_body_of_its_points(tmp_path):
     path = tmp_path / "l.svg"
     # y points downwards; a group, a view box, a hidden layer and words do not matter
@@ -150,13 +156,12 @@ FAULTS = {
     ),
     "tips.csv": ("0,0\n9,0\n9,9\n0,9\n4,1", "too thin: round it off"),
     "words.svg": (svg("<text>body</text>"), "words and images must be made paths"),
-    "empty.svg": (svg(""), "there are no paths"),
     "empty.csv": ("x,y\n", "it has no points (x | y)"),
-    "pair.csv": ("0,0\n1,0", "requires at least 4 coordinates"),
+    "pair.csv": ("0,0\n1,0", "n from 3 to 2000000, not (2, 2)"),
+    "path.svg": ('<path d="M0 0h9v9z"/>', "is a part of a drawing: write <svg> "),
     "line.csv": ("0,0\n1,0\n2,0", "not the edge of one body"),
     "broken.svg": ("<svg><path d=", "unclosed token"),
     "part.dxf": ("0\nSECTION", "is a drawing (.svg) or a table (.csv): save it so"),
-    "slender.csv": ("0,0\n10,0\n10,1\n0,1", "the points extend over"),
     "neck.svg": (
         svg('<path d="M0 0h4v2.8h2v-2.8h4v6h-4v-2.8h-2v2.8h-4z"/>'),
         "at (4.8, -2.8) the body, a hole or a notch is too thin: round",

@@ -95,4 +95,4 @@ def test_everything_else_is_refused_in_one_sentence(text, message):
     with pytest.raises(InputError) as refusal:
         read_table(text)
     assert str(refusal.value).startswith(message)
-    assert "Lattice.from_points takes other points" in str(refusal.value)
+    assert "other points, Lattice.outline other outlines" in str(refusal.value)

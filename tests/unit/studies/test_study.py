@@ -16,6 +16,7 @@ from taichi_disk.studies.accuracy.study import (
     SCATTER,
     effects,
     finer_lattice,
+    report,
     sentence,
 )
 
@@ -115,13 +116,16 @@ def test_steps_fit_the_resets_of_a_boundary():
     assert all(number % round(resets) == 0 for _, number in study.runs)
 
 
-def test_the_sentence_says_what_matters():
+def test_the_sentence_says_what_matters_and_stands_in_the_report(tmp_path, capsys):
     changes = {SCATTER: 9e-4, FINER: 5e-4, HARDER: -0.04}
     expected = (
         "restitution: time step 1e-06, lattice scatter 0.0009, 4 times the points"
         " 0.0005, wall 10 times as hard -0.04: use more seeds, not smaller steps"
     )
     assert sentence("restitution", [STEP], changes) == expected
+    report("restitution", [STEP], expected, tmp_path, "Title")
+    assert capsys.readouterr().out.startswith(expected)
+    assert len(list(tmp_path.glob("accuracy.*"))) == 3
     finer = changes | {FINER: -0.01}
     assert "more seeds and points," in sentence("restitution", [STEP], finer)
     coarse = [replace(STEP, error=0.1)]
