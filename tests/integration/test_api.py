@@ -547,10 +547,11 @@ def test_a_blow_up_comes_back_from_another_process_too():
     assert failure.last_good["t"] == 1.0
 
 
-def test_an_export_says_at_which_times_its_states_are(result, tmp_path, notices):
+def test_an_export_has_each_step_once_and_says_which(result, tmp_path, notices):
     last = float(result.series["t"][-1])
     result.export(tmp_path / "a.npz", times=[0.0, last])
-    result.export(tmp_path / "b.npz", frames=3)
+    result.export(tmp_path / "b.npz", frames=9 * result.summary["steps"])
+    assert len(np.load(tmp_path / "b.npz")["t"]) == result.summary["steps"] + 1
     assert not notices.messages
     result.export(tmp_path / "c.npz", times=[0.0, 0.3 * last])
     t = np.load(tmp_path / "c.npz")["t"]

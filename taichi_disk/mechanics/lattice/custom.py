@@ -27,8 +27,9 @@ from taichi_disk.mechanics.lattice.triangles import (
 # limits for the larger of width and height [R]
 _MIN_EXTENT = 1.0
 _MAX_EXTENT = 4.0
-# points closer than this are the same point [spacing of a hexagonal lattice]
-_MIN_DISTANCE = 1e-6
+# Points closer than this are the same point [spacing of a hexagonal lattice]: those of
+# an open seam differ by roundings of six digits, those of random points by more.
+_MIN_DISTANCE = 1e-4
 # height over longest side of a user's triangle that cannot be told from a line
 _ROUNDING = 1e-14
 # minimum and maximum; beyond these, steps or sums are not finite

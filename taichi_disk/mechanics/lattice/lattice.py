@@ -441,8 +441,10 @@ def _lattice_of(arrays: Arrays, max_offset: float) -> Lattice:
         lattice = tiled(x, corners, bonds)
     except SimulationError:
         raise InputError(
-            "the triangles do not form one connected piece: join its pieces, and parts"
-            " that share only single points, by further triangles"
+            "the triangles do not form one connected piece (join its pieces, and parts"
+            " that share only single points, by further triangles), or some lie over"
+            " others, or a point lies in the middle of a side (ParaView's Feature Edges"
+            " show where)"
         ) from None
     of_springs = _spring_arrays(bonds, len(x), arrays)
     return replace(lattice, masses=_scaled_masses(weights), notes=notes, **of_springs)

@@ -258,8 +258,9 @@ class Result(Outcome):
                 file trajectory.SUFFIX.
             format: format in a folder: "xyz", "vtu" or "npz".
             frames: number of moments, evenly spaced in time.
-            times: ascending moments to use instead, as for `film`; the states are those
-                of the nearest steps.
+            times: ascending moments to use instead, as for `film`.
+
+        The states are those of the nearest steps, each of them once.
 
         Raises InputError for times outside the run, an unknown format, or one whose
         package is not installed.

@@ -55,7 +55,11 @@ def _frames(
 ) -> Iterator[Frame]:
     triangles = Triangles(lattice)
     wall: Any = model.wall  # every scene has one
+    last = None
     for time, x, v in moments:
+        if time == last:  # two moments at the same step
+            continue
+        last = time
         contact = np.zeros_like(x)
         touching, forces = wall.contact_forces(lattice, x, v, model.springs)
         contact[touching] = forces
