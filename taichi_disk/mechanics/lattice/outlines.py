@@ -153,7 +153,7 @@ def _polygon(paths: list[Array]) -> Any:
     for path in paths:
         first, last = path[[0, -1]]
         sides = norms(np.diff(path.T))
-        if norms(last - first) > _MAX_GAP * sides.max(initial=0.0):
+        if norms(last - first) > _MAX_GAP * sides.max():
             raise InputError(
                 f"a path is open from {shown_point(last)} to {shown_point(first)}:"
                 " join it to the next piece, close it, or remove it"
