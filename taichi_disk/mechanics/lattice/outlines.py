@@ -74,16 +74,20 @@ def read_outline(path: Path) -> list[Array]:
         raise InputError("its view box is stretched: leave preserveAspectRatio out")
     paths = []
     for shape in drawing.elements():
-        tag = shape.values.get("tag")
+        style = shape.values.get
+        tag = style("tag")
         if shape is not drawing and tag in _MISPLACED:
             raise InputError(f"a path is inside of <{tag}>: take it out, or delete it")
         for key in _NOT_APPLIED:
-            if shape.values.get(key, "none") != "none":
+            if style(key, "none") != "none":
                 raise InputError(
                     f"a path has a {key}: remove it (release a clip), or apply it"
                 )
-        is_path = isinstance(shape, svgelements.Shape)
-        if not is_path or shape.values.get("visibility") in ("hidden", "collapse"):
+        if (
+            not isinstance(shape, svgelements.Shape)
+            or style("fill") == style("stroke") == "none"  # as an artboard
+            or style("visibility") in ("hidden", "collapse")
+        ):
             continue
         outline = svgelements.Path(shape)
         # An arc may be long: of 36° at most. Skewed, it would be another.
