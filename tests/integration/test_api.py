@@ -133,9 +133,7 @@ def test_a_misspelt_keyword_of_run_is_answered_by_the_nearest_name(keyword, mean
         run("exponential_wall", **{keyword: 1})
 
 
-def test_a_saved_result_is_loaded_bitwise_and_its_summary_names_a_film(
-    result, tmp_path
-):
+def test_a_saved_result_loads_bitwise_and_its_summary_names_a_film(result, tmp_path):
     for array in (result.series["t"], result.positions, result.velocities):
         with pytest.raises(ValueError, match="read-only"):
             array -= array[0]

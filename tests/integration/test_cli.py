@@ -92,9 +92,7 @@ def test_messages_of_the_command_line_name_options(tmp_path, capsys):
 
 
 @pytest.mark.usefixtures("without_plots")
-def test_numbers_are_printed_though_a_run_cannot_be_moved(
-    tmp_path, capsys, monkeypatch
-):
+def test_numbers_are_printed_if_a_run_cannot_be_moved(tmp_path, capsys, monkeypatch):
     replace = os.replace
 
     def full(new, path):
@@ -186,9 +184,7 @@ def test_check_prints_a_scene_that_checks_as_the_same(tmp_path, capsys):
         ("exponential_wall", ["lattice.file=nowhere.csv"]),
     ],
 )
-def test_check_refuses_what_run_does_in_the_same_words(
-    tmp_path, capsys, scene, settings
-):
+def test_check_refuses_what_run_does_in_its_words(tmp_path, capsys, scene, settings):
     assert main(["check", scene, *(f"--set={setting}" for setting in settings)]) == 2
     message = capsys.readouterr().err
     assert main(arguments(tmp_path / "o", *settings, scene=scene)) == 2

@@ -46,9 +46,7 @@ from taichi_disk.runs import api
 needs_vulkan = pytest.mark.skipif(
     film_problem() is not None, reason=str(film_problem())
 )
-LONG = [
-    pytest.param(suffix, marks=pytest.mark.validate) for suffix in (".webm", ".gif")
-]
+LONG = [pytest.param(form, marks=pytest.mark.validate) for form in (".webm", ".gif")]
 COUNT = 10
 SIZE = 240
 PRESSED = ("lattice.points=60", "compression.method=newton")

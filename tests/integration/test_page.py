@@ -128,9 +128,7 @@ return canvas.clientWidth === width && canvas.clientHeight === height;
 
 
 @pytest.mark.validate
-def test_every_layout_is_free_of_overlaps_and_small_letters_and_targets(
-    served, browser
-):
+def test_each_layout_is_free_of_overlaps_and_small_letters_and_targets(served, browser):
     from axe_selenium_python import Axe
 
     def faults():

@@ -78,9 +78,7 @@ def in_npz(path):
 @pytest.mark.parametrize(
     ("suffix", "read"), [(".xyz", in_xyz), (".pvd", in_pvd), (".npz", in_npz)]
 )
-def test_a_trajectory_carries_the_scene_in_the_same_bytes(
-    result, tmp_path, suffix, read
-):
+def test_a_trajectory_carries_the_scene_in_equal_bytes(result, tmp_path, suffix, read):
     first, second = (
         result.export(tmp_path / f"{name}{suffix}", frames=2) for name in "ab"
     )

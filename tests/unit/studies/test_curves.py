@@ -230,9 +230,7 @@ def thrown(eta_star, name="eta_star", lattices=2):
         ("exponential_wall", "material.viscosity=0", "other", 0.0, False),
     ],
 )
-def test_eq_4_is_fitted_where_there_are_dashpots(
-    kind, setting, name, number, is_fitted
-):
+def test_eq_4_is_fitted_if_there_are_dashpots(kind, setting, name, number, is_fitted):
     axes = ["seed", "velocity"] if name == "other" else [name, "seed", "velocity"]
     (curve,) = analysed(kind, axes, thrown(number, name), setting).curves
     assert ("eq4" in curve.fits) == is_fitted
