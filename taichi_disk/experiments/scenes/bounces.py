@@ -45,7 +45,7 @@ def bounce_conflicts(impact: ImpactSection, reach: float) -> Conflicts:
             "impact.gravity",
             f"the disk would lie on the wall, which it feels up to {reach:.2g} R: write"
             f" at most {0.49 * v**2 / reach:.2g}, or a higher velocity; with a drop"
-            " only a higher one helps",
+            " only a higher drop helps",
         ),
         (
             duration > LONGEST_FLIGHTS,

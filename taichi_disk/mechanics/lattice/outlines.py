@@ -87,7 +87,8 @@ def read_outline(path: Path) -> list[Array]:
                 )
         if (
             not isinstance(shape, svgelements.Shape)
-            or style("fill") == style("stroke") == "none"  # as an artboard
+            or not (shape.fill.alpha or shape.stroke.alpha)  # as an artboard
+            or style("opacity") == "0"  # as the ground of a traced picture
             or style("visibility") in ("hidden", "collapse")
         ):
             continue
