@@ -175,7 +175,7 @@ def test_the_height_of_a_fall_gives_the_speed():
     "keys, text",
     [
         ("impact.bounces=2", "impact.bounces: nothing falls without gravity"),
-        ("impact.drop=2", "impact.drop: .* write impact.gravity, too, or bounces: 1"),
+        ("impact.drop=2", "impact.drop: .* an impact.gravity above 0, or bounces: 1"),
         ("impact.gravity=1e-3 impact.drop=2 impact.velocity=0.03", "or drop=0"),
         ("impact.gravity=1e-3 impact.velocity=0.05 impact.gap=0.3", "write auto"),
         ("impact.gravity=1e-6", "4e\\+04 R/c, of the paper's disk some 2.4 million"),

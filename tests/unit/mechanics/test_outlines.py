@@ -115,8 +115,10 @@ def test_a_drawing_gives_the_body_of_its_points(tmp_path):
     corner = ELL / unit - np.array(shapely.Polygon(ELL).centroid.coords) / unit
     gaps = np.abs(drawn.positions[:, None] - corner).sum(axis=2).min(axis=0)
     assert gaps.max() < 1e-9
-    path.write_text(svg('<circle r="4"/><circle r="2"/>'))
-    assert not Lattice.outline(path, 300).whole
+    size = ' width="1.7ex" height="1.7ex" viewBox="0 0 9 9">'  # as of a formula
+    path.write_text(svg('<circle r="1em"/><circle r="8"/>').replace(">", size, 1))
+    ring = Lattice.outline(path, 300)
+    assert not ring.whole and ring.notes == ("1 R = 13.86 units of the outline",)
     path.write_text(svg('<path d="M40 0A40 40 0 1 1 40-.01Z" transform="skewX(30)"/>'))
     assert Lattice.outline(path, 300).notes == ("1 R = 40 units of the outline",)
     path.write_text(svg('<path d="M0 0C200 150-200 150 0 0"/>'))  # one curve
