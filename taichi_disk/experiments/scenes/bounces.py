@@ -22,8 +22,8 @@ def bounce_conflicts(impact: ImpactSection, reach: float) -> Conflicts:
     v = impact.velocity
     if not g:
         text = (
-            "nothing falls without gravity: write impact.gravity, too, or bounces: 1"
-            " and drop: 0"
+            "nothing falls without gravity: take an impact.gravity above 0, or"
+            " bounces: 1 and drop: 0"
         )
         meant = {"impact.bounces": impact.bounces > 1, "impact.drop": impact.drop}
         return [(key, text) for key in meant if meant[key]]
@@ -45,7 +45,7 @@ def bounce_conflicts(impact: ImpactSection, reach: float) -> Conflicts:
             "impact.gravity",
             f"the disk would lie on the wall, which it feels up to {reach:.2g} R: write"
             f" at most {0.49 * v**2 / reach:.2g}, or a higher velocity; with a drop"
-            " only a higher one helps",
+            " only a higher drop helps",
         ),
         (
             duration > LONGEST_FLIGHTS,

@@ -30,7 +30,7 @@ from taichi_disk.experiments.scenes.scene import (
 MAX_SCENES = 100_000
 FORMS = (
     "a list of values, {lin: [from, to, count]}, {geom: [from, to, count]} or {range:"
-    " count}"
+    f" count}}, of at most {MAX_SCENES} values"
 )
 
 

@@ -3,7 +3,9 @@ points as the disk is."""
 
 from __future__ import annotations
 
+import io
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -73,10 +75,10 @@ def read_outline(path: Path) -> list[Array]:
     if not math.isclose(scale.a, scale.d):
         raise InputError("its view box is stretched: leave preserveAspectRatio out")
     paths = []
-    for shape in drawing.elements():
+    for shape in drawing.select():
         style = shape.values.get
         tag = style("tag")
-        if shape is not drawing and tag in _MISPLACED:
+        if tag in _MISPLACED:
             raise InputError(f"a path is inside of <{tag}>: take it out, or delete it")
         for key in _NOT_APPLIED:
             if style(key, "none") != "none":
@@ -85,7 +87,8 @@ def read_outline(path: Path) -> list[Array]:
                 )
         if (
             not isinstance(shape, svgelements.Shape)
-            or style("fill") == style("stroke") == "none"  # as an artboard
+            or not (shape.fill.alpha or shape.stroke.alpha)  # as an artboard
+            or style("opacity") == "0"  # as the ground of a traced picture
             or style("visibility") in ("hidden", "collapse")
         ):
             continue
@@ -98,12 +101,15 @@ def read_outline(path: Path) -> list[Array]:
             if len(sides) > 1:  # the first is a move
                 paths.append(np.concatenate(sides[1:]) * [1.0, -1.0])
     if not paths:
-        raise InputError("there are no paths; words and images must be made paths")
+        raise InputError("no path is visible; words and images must be made paths")
     return paths
 
 
 def _drawing(path: Path) -> Any:
-    drawing = svgelements.SVG.parse(path, reify=False)
+    # svgelements computes no em and ex, in which icons and formulas have their size.
+    # An em is 16 px, as a pc is. Of the size of a drawing only the ratio counts.
+    data = re.sub(rb"(?<=\d)e[mx]\b", b"pc", path.read_bytes())
+    drawing = svgelements.SVG.parse(io.BytesIO(data), reify=False)
     if not isinstance(drawing, svgelements.SVG):
         raise InputError("it is a part of a drawing: write <svg> … </svg> round it")
     return drawing
