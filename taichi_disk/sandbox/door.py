@@ -17,19 +17,16 @@ from taichi_disk.pictures.web.drawing import source
 SOCKET = "socket"  # name of the websocket, beside the page's files
 # text types by file suffix
 _TYPES = {"html": "html", "js": "javascript", "css": "css"}
-_POLICY = (
-    "default-src 'self' data: blob:; connect-src 'self' ws: wss:; style-src 'self'"
-    " 'unsafe-inline'"
-)
 _HEADERS = {
     "Cache-Control": "no-store",
     "Referrer-Policy": "no-referrer",
-    "Content-Security-Policy": _POLICY,
+    "Content-Security-Policy": "default-src 'self' data: blob:; connect-src 'self' ws:"
+    " wss:; style-src 'self' 'unsafe-inline'",
 }
-_WRONG_TOKEN = "Use the whole address that `taichi-disk view` printed."
 # The page shows this text if its websocket is refused.
 _REFUSAL = (
-    "the connection came from another address than this page, or without a websocket."
+    "the connection came from another address than this page, or without a websocket:"
+    " a proxy must pass on Host and Upgrade."
 )
 
 
@@ -41,7 +38,9 @@ def answer(
     path = request.path.partition("?")[0]
     first, slash, name = path.removeprefix("/").partition("/")
     if not secrets.compare_digest(first.encode(), token.encode()):
-        return connection.respond(403, _WRONG_TOKEN)
+        return connection.respond(
+            403, "Use the whole address that `taichi-disk view` printed."
+        )
     upgrades = [one.lower() for one in request.headers.get_all("Upgrade")]
     is_upgrade = "websocket" in upgrades
     if is_upgrade and name == SOCKET and _is_own(request.headers):
@@ -58,8 +57,9 @@ def answer(
 def _is_own(headers: Headers) -> bool:
     """Whether a request comes from the page itself: a script of another site can open a
     websocket here, but cannot choose its Origin."""
-    origins = [f"http://{host}" for host in headers.get_all("Host")]
-    return len(origins) == 1 and headers.get_all("Origin") == origins
+    hosts = headers.get_all("Host")  # a proxy may serve it by https
+    origins = [one.partition("://")[2] for one in headers.get_all("Origin")]
+    return len(hosts) == 1 and origins == hosts
 
 
 def _file(connection: ServerConnection, name: str) -> Response:

@@ -168,8 +168,10 @@ def _polygon(paths: list[Array]) -> Any:
                 f"a path is open from {shown_point(last)} to {shown_point(first)}:"
                 " join it to the next piece, close it, or remove it"
             )
-    paths = sorted(paths, key=lambda path: -shapely.Polygon(path).area)
-    body = shapely.Polygon(paths[0], paths[1:])
+    edge, *holes = sorted(paths, key=lambda path: -shapely.Polygon(path).area)
+    body = shapely.Polygon(edge, holes)
+    # else a point that is repeated up to rounding is a self-intersection
+    body = shapely.remove_repeated_points(body, 1e-5 * body.length)
     if not body.is_valid:
         fault, _, place = shapely.is_valid_reason(body).rstrip("]").partition("[")
         spot = shown_point(np.array(place.split(), float))
