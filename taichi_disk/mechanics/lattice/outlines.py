@@ -162,16 +162,17 @@ def _polygon(paths: list[Array]) -> Any:
     InputError if they are not the edge of one body."""
     for path in paths:
         first, last = path[[0, -1]]
-        sides = norms(np.diff(path.T))
-        if norms(last - first) > _MAX_GAP * sides.max():
+        gap = norms(last - first)
+        longest = norms(np.diff(path.T)).max()
+        if gap > _MAX_GAP * longest:
             raise InputError(
                 f"a path is open from {shown_point(last)} to {shown_point(first)}:"
                 " join it to the next piece, close it, or remove it"
             )
+        if gap < 1e-6 * longest:  # a rounded repetition could cross the first side
+            path[-1] = first
     edge, *holes = sorted(paths, key=lambda path: -shapely.Polygon(path).area)
     body = shapely.Polygon(edge, holes)
-    # else a point that is repeated up to rounding is a self-intersection
-    body = shapely.remove_repeated_points(body, 1e-5 * body.length)
     if not body.is_valid:
         fault, _, place = shapely.is_valid_reason(body).rstrip("]").partition("[")
         spot = shown_point(np.array(place.split(), float))
