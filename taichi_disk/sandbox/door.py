@@ -59,7 +59,7 @@ def _is_own(headers: Headers) -> bool:
     websocket here, but cannot choose its Origin."""
     hosts = headers.get_all("Host")  # a proxy may serve it by https
     origins = [one.partition("://")[2] for one in headers.get_all("Origin")]
-    return len(hosts) == 1 and origins == hosts
+    return bool(hosts) and origins == hosts
 
 
 def _file(connection: ServerConnection, name: str) -> Response:

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from taichi_disk.base.errors import InputError
 from taichi_disk.base.text_files import read_text
-from taichi_disk.mechanics.lattice.custom import check_body
+from taichi_disk.mechanics.lattice.custom import check_body, point_array
 from taichi_disk.mechanics.lattice.files import TABLES
 from taichi_disk.mechanics.lattice.random_points import (
     MAX_POINTS,
@@ -97,9 +97,12 @@ def read_outline(path: Path) -> list[Array]:
         outline.approximate_arcs_with_cubics()
         outline = abs(outline * ~scale)
         for part in outline.as_subpaths():
-            sides = [side.npoint(_PLACES.get(type(side), _CURVE)) for side in part]
-            if len(sides) > 1:  # the first is a move
-                paths.append(np.concatenate(sides[1:]) * [1.0, -1.0])
+            sides = [
+                side.npoint(_PLACES.get(type(side), _CURVE))
+                for side in part[1:]  # the first is a move
+            ]
+            if sides:
+                paths.append(np.concatenate(sides) * [1.0, -1.0])
     if not paths:
         raise InputError("no path is visible; words and images must be made paths")
     return paths
@@ -160,18 +163,19 @@ def filled(
 def _polygon(paths: list[Array]) -> Any:
     """Return the shapely polygon of closed paths: the largest, and holes. Raises
     InputError if they are not the edge of one body."""
+    rings = []
     for path in paths:
-        first, last = path[[0, -1]]
-        sides = norms(np.diff(path.T))
-        if norms(last - first) > _MAX_GAP * sides.max():
+        sides = norms(np.diff(path.T, append=path[:1].T))
+        if sides[-1] > _MAX_GAP * sides[:-1].max():
             raise InputError(
-                f"a path is open from {shown_point(last)} to {shown_point(first)}:"
-                " join it to the next piece, close it, or remove it"
+                f"a path is open from {shown_point(path[-1])} to"
+                f" {shown_point(path[0])}: join it to the next piece, close it, or"
+                " remove it"
             )
-    edge, *holes = sorted(paths, key=lambda path: -shapely.Polygon(path).area)
+        # a point that is repeated up to rounding may be a self-intersection
+        rings.append(point_array(path[sides >= 1e-5 * sides.max()]))
+    edge, *holes = sorted(rings, key=lambda ring: -shapely.Polygon(ring).area)
     body = shapely.Polygon(edge, holes)
-    # else a point that is repeated up to rounding is a self-intersection
-    body = shapely.remove_repeated_points(body, 1e-5 * body.length)
     if not body.is_valid:
         fault, _, place = shapely.is_valid_reason(body).rstrip("]").partition("[")
         spot = shown_point(np.array(place.split(), float))

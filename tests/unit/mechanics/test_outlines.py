@@ -161,7 +161,8 @@ FAULTS = {
     "tips.csv": ("0,0\n9,0\n9,9\n0,9\n4,1", "too thin: round it off"),
     "words.svg": (svg("<text>body</text>"), "words and images must be made paths"),
     "empty.csv": ("x,y\n", "it has no points (x | y)"),
-    "pair.csv": ("0,0\n1,0", "n from 3 to 2000000, not (2, 2)"),
+    "pair.csv": ("0,0\n1,0\n0,0", "n from 3 to 2000000, not (2, 2)"),
+    "dot.csv": ("1,1\n1,1\n1,1", "too few points in geometry component at (1, 1)"),
     "path.svg": ('<path d="M0 0h9v9z"/>', "is a part of a drawing: write <svg> "),
     "line.csv": ("0,0\n1,0\n2,0", "not the edge of one body"),
     "broken.svg": ("<svg><path d=", "unclosed token"),
@@ -172,6 +173,7 @@ FAULTS = {
     ),
     "notch.svg": (svg('<path d="M0 0H40V40H43V0H80V80H0Z"/>'), "at (40, -40) the body"),
     "dot.svg": (svg('<circle r="9"/><circle r=".3"/>'), "too thin: round it off"),
+    "stray.svg": (svg('<circle r="9"/><path d="M5 5z"/>'), "component at (5, -5)"),
     "tip.csv": ("0,0\n.4,.01\n.4,.2\n.2,.2\n.2,.03\n0,.02", "too thin: round"),
 }
 
