@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 
 from taichi_disk.base import engine
 from taichi_disk.base.engine.environment import CACHE, cache_folder, cache_problem
+from taichi_disk.base.files import PROGRAM
 from taichi_disk.base.machine import REMEDY, cores, foreign_packages, processor
 from taichi_disk.base.processes.pool import Pool, result_of
 
@@ -35,6 +36,7 @@ def examine() -> bool:
         )
     names_and_versions = [" ".join(one) for one in engine.versions().items()]
     found = {
+        "program": f"{PROGRAM} in {Path(__file__).parent}",
         "Python": platform.python_version(),
         "engine": " ".join(names_and_versions) or "none: install taichi-disk again",
         "processor": processor(),

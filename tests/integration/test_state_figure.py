@@ -1,6 +1,8 @@
 """A state on Matplotlib axes of any kind; test_looks records what is drawn there."""
 
+import gc
 import sys
+from weakref import ref
 
 import matplotlib.pyplot as plt
 import pytest
@@ -21,13 +23,16 @@ def meshes(axes):
     return [artist for artist in axes.collections if isinstance(artist, TriMesh)]
 
 
-def test_a_script_that_imports_pyplot_finds_the_figures_there(result, monkeypatch):
+def test_a_script_that_imports_pyplot_finds_and_frees_figures(result, monkeypatch):
     monkeypatch.delitem(sys.modules, "ipykernel", raising=False)
     for make in (result.plot, result.draw):
         figure = make()
         assert plt.gcf() is figure
         figure.show()
     plt.close("all")
+    figure = ref(figure)
+    gc.collect()
+    assert figure() is None
     monkeypatch.setitem(sys.modules, "ipykernel", plt)
     result.plot()
     assert plt.get_fignums() == []
@@ -39,8 +44,7 @@ def test_a_state_is_drawn_on_given_axes_at_any_moment(result):
     assert result.draw("contact", "fringes", left) is figure
     assert result.draw(0.0, ax=right) is figure
     assert "time = 0 R/c" in right.get_title()
-    assert len(left.collections)
-    assert len(right.collections)
+    assert all(len(ax.collections) for ax in (left, right))
     with pytest.raises(InputError, match="no moment"):
         result.draw(-1.0)
     with pytest.raises(InputError, match="did you mean pressure"):

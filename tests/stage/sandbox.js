@@ -383,9 +383,9 @@ function record() {
     drag("disk", at(0.7, 1.1), at(0.6, 1.6));
     drag("disk", at(0.7, 1.1), at(0.6, 1.6), { cancelled: true });
   });
-
-  look("a body is drawn, over its start, and refused where it crosses itself", () => {
+  look("a body is drawn anew, over its start, and refused where it crosses itself", () => {
     get("draw").click();
+    drag("disk", at(1, 1), at(2, 2), { cancelled: true });
     pointer(get("disk"), "pointerdown", ...at(1, 1));
     for (let k = 1; k < 20; k++)
       pointer(get("disk"), "pointermove", ...at(Math.cos(0.35 * k), 1 + Math.sin(0.35 * k)));

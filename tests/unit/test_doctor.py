@@ -52,6 +52,7 @@ def test_crashes_and_hangs_are_reported(
             f"delete the folder {python}/cache\n"
         )
     assert text.endswith(remedy)
+    assert f" in {os.path.dirname(doctor.__file__)}\n" in text
     assert f"none ({python}/cache: Not a directory): set TI_OFFLINE_CACHE" in text
 
 

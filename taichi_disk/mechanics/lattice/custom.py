@@ -195,7 +195,8 @@ def left_out(x: Array, used: Long) -> str:
     k = unused[0]
     return (
         f"{len(unused):,} of {len(x):,} points are no triangle's corner and were left"
-        f" out, the first is point {k} at {shown_point(x[k])}"
+        f" out, the first is point {k} at {shown_point(x[k])}; points after it have"
+        " smaller numbers here"
     )
 
 

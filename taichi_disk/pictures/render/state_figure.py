@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from typing import Any
-from weakref import WeakKeyDictionary
+from weakref import WeakKeyDictionary, WeakSet, ref
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -39,9 +39,10 @@ _INKED = (
     "xtick.color",
     "ytick.color",
 )
-# what was drawn on axes, and the axes of their colour bar
-_ARTISTS: WeakKeyDictionary[Axes, set[Artist]] = WeakKeyDictionary()
-_BARS: WeakKeyDictionary[Axes, Axes] = WeakKeyDictionary()
+# What was drawn, and a weak reference to the colour bar of axes. Each of them holds its
+# whole figure, which a strong reference would keep for ever.
+_ARTISTS: WeakSet[Artist] = WeakSet()
+_BARS: WeakKeyDictionary[Axes, Any] = WeakKeyDictionary()
 
 
 def draw_state(
@@ -68,11 +69,11 @@ def draw_state(
             figure = Plot(figsize=(5.2, 4.2), dpi=160, layout="compressed")
             FigureCanvasAgg(figure)
             ax = figure.subplots()
-        for artist in _ARTISTS.get(ax, set()).intersection(ax.get_children()):
+        for artist in _ARTISTS.intersection(ax.get_children()):
             artist.remove()
         others = ax.get_children()
         _draw(ax, states, video)
-        _ARTISTS[ax] = set(ax.get_children()).difference(others)
+        _ARTISTS.update(set(ax.get_children()).difference(others))
         name, _, unit = run.scenario.words.time.partition("  ")
         title = f"{name} = {moment:.4g} {unit.strip('[]')}".strip()
         ax.set(xlabel="x  [R]", ylabel="y  [R]", title=title)
@@ -128,13 +129,15 @@ def _refined(mesh: Triangulation, values: Any) -> tuple[Triangulation, Any]:
 def _add_bar(axes: Any, field: Any, label: str) -> None:
     """Draw the colour bar in the place of an older one, which would else make the axes
     smaller each time."""
-    place: Any = _BARS.get(axes)
+    place: Any = None
+    if axes in _BARS:
+        place = _BARS[axes]()
     if place in axes.figure.axes:
         place.clear()
     else:  # a cleared figure has none
         place = None
     bar = axes.figure.colorbar(field, place, axes, label=label, shrink=0.8)
-    _BARS[axes] = bar.ax
+    _BARS[axes] = ref(bar.ax)
 
 
 def _label(video: VideoSection, limit: float) -> str:

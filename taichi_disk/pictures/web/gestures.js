@@ -76,7 +76,7 @@ function drawBody(sandbox) {
     move: (...at) => sandbox.stroke.push(sandbox.drawing.toWorld(...at)),
     end(cancelled) {
       const stroke = smoothed(sandbox.stroke);
-      sandbox.sketch(false);
+      sandbox.sketch(cancelled); // after a second finger, or a gesture of the system, it is drawn anew
       if (cancelled || stroke.length < 3) return;
       sandbox.stroke = stroke;
       const corners = stroke.map(([x, y]) => `${x.toFixed(3)} ${(-y).toFixed(3)}`);

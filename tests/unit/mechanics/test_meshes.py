@@ -97,9 +97,9 @@ def test_points_without_triangles_and_on_sides_are_left_out_with_a_note(tmp_path
     cells = ("triangle6", np.column_stack([start, number]))
     others = ("vertex", [[len(points) - 1]]), ("line", [[0, 1]])
     disk = Lattice.read(write(tmp_path / "a.msh", solid(points), *others, cells))
-    assert disk.disk_points == 60
-    assert len(disk.triangles) == len(start)
+    assert (disk.disk_points, len(disk.triangles)) == (60, len(start))
     assert disk.notes[1].startswith(f"{len(points) - 60} of {len(points)} points are")
+    assert disk.notes[1].endswith("; points after it have smaller numbers here")
 
 
 FLAT = solid(DISK.positions)
