@@ -434,7 +434,11 @@ class VideoSection(Section):
         step=2,
     )
     fps: Auto | int = key(
-        "auto", "frames per second; auto: 30, of a GIF 15", "1/s", low=1, high=120
+        "auto",
+        "frames per second; auto: 30, of a GIF 15, at most 50",
+        "1/s",
+        low=1,
+        high=120,
     )
     seconds: float = key(8.0, "length of the film", "s", low=0.1, high=600)
     colour: Colour = key("shear", "quantity shown in colour")
