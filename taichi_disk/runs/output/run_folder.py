@@ -248,6 +248,10 @@ def _numbered(folder: Path) -> Iterator[Path]:
 
 
 def refuse_run(out: Path) -> None:
-    """Raise InputError if `out` holds a run."""
-    if "status" in files.read_summary(out):
+    """Raise InputError if `out` holds a run, or cannot be read."""
+    try:
+        is_run = out.is_dir() and "summary.json" in files.listed(out)
+    except OSError as error:
+        raise files.cannot_write(out, error) from None
+    if is_run and "status" in files.read_summary(out):
         raise InputError(f"{out} holds a run; choose another folder as `out`")
