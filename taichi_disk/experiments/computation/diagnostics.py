@@ -155,7 +155,8 @@ def _at_rest(scenario: Scenario, columns: Columns) -> str:
         return ""
     return (
         f"{made} of {asked} bounces: then the energy of the disk did not suffice to"
-        " lift it to the height of its start, and a lower bounce does not count"
+        " lift it to the height of its start; a lower bounce does not count, and its e"
+        " is 0, in means and curves, too"
     )
 
 

@@ -140,6 +140,8 @@ class Law(NamedTuple):
         is_sample = np.isfinite(curve.young)
         if not is_sample or curve.x.max() > self.max_speed * unit:
             return False
+        if not curve.y.all():  # a bounce that does not count has e = 0
+            return False
         if self.needs_damping and not curve.is_damped:
             return False
         return len(curve.x) >= self.min_points

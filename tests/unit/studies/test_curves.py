@@ -251,6 +251,8 @@ def test_a_law_is_fitted_up_to_the_speed_that_it_has_a_meaning_for(young):
             row["young"] = young
         (curve,) = analysed("exponential_wall", THROW_AXES, rows).curves
         assert curve.fits.keys() - {"curvature"} == left
+    rows = [row | {"restitution": 0.0} for row in thrown(30.0)]  # no bounce counts
+    assert not analysed("exponential_wall", THROW_AXES, rows).curves[0].fits
 
 
 @pytest.mark.parametrize("own_first", [False, True])
