@@ -62,8 +62,8 @@ def examine() -> bool:
 
 
 def try_run() -> tuple[str, str]:
-    """Run and film a small scene in another process. Return what failed, or "", and
-    how it was filmed."""
+    """Run and film a small scene in another process. Return what failed, or "", and how
+    the sentence "scenes can be run" goes on."""
     pool = Pool(1)
     try:
         with TemporaryDirectory() as folder:

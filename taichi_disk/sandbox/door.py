@@ -20,8 +20,10 @@ _TYPES = {"html": "html", "js": "javascript", "css": "css"}
 _HEADERS = {
     "Cache-Control": "no-store",
     "Referrer-Policy": "no-referrer",
-    "Content-Security-Policy": "default-src 'self' data: blob:; connect-src 'self' ws:"
-    " wss:; style-src 'self' 'unsafe-inline'",
+    "Content-Security-Policy": (
+        "default-src 'self' data: blob:; connect-src 'self' ws: wss:; style-src 'self'"
+        " 'unsafe-inline'"
+    ),
 }
 # The page shows this text if its websocket is refused.
 _REFUSAL = (

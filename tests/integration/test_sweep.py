@@ -153,9 +153,7 @@ def test_a_row_is_what_running_its_scene_gives_bit_for_bit(small):
         ("sweep: {dt: [0.02, 0.5]}", ["done", "failed"], "stability limit"),
     ],
 )
-def test_failed_points_are_listed_tried_again_and_alone(
-    axes, statuses, reason, tmp_path
-):
+def test_failed_points_are_listed_tried_again_alone(axes, statuses, reason, tmp_path):
     result = swept(ONE + axes + "\n", tmp_path / "out")
     assert [row["status"] for row in result.rows] == statuses
     assert reason in result.failed[0]["reason"]

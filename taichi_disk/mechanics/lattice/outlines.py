@@ -75,21 +75,21 @@ def read_outline(path: Path) -> list[Array]:
     if not math.isclose(scale.a, scale.d):
         raise InputError("its view box is stretched: leave preserveAspectRatio out")
     paths = []
-    for shape in drawing.select():
-        style = shape.values.get
-        tag = style("tag")
-        if tag in _MISPLACED:
+    for shape in drawing.elements():
+        given = shape.values.get
+        tag = given("tag")
+        if shape is not drawing and tag in _MISPLACED:
             raise InputError(f"a path is inside of <{tag}>: take it out, or delete it")
         for key in _NOT_APPLIED:
-            if style(key, "none") != "none":
+            if given(key, "none") != "none":
                 raise InputError(
                     f"a path has a {key}: remove it (release a clip), or apply it"
                 )
         if (
             not isinstance(shape, svgelements.Shape)
             or not (shape.fill.alpha or shape.stroke.alpha)  # as an artboard
-            or style("opacity") == "0"  # as the ground of a traced picture
-            or style("visibility") in ("hidden", "collapse")
+            or given("opacity") == "0"  # as the ground of a traced picture
+            or given("visibility") in ("hidden", "collapse")
         ):
             continue
         outline = svgelements.Path(shape)

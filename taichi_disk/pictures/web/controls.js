@@ -40,7 +40,7 @@ class Slider {
       const part = this.range.value / 100;
       const value = low > 0 ? low * (high / low) ** part : low + (high - low) * part;
       const rounded = key === "lattice.points" ? Math.round(value) : Number(digits(value, 3));
-      set(key, { 0: low, 1: high }[part] ?? rounded);
+      set(key, { 0: low, 1: high }[part] ?? rounded); // the ends exactly
     };
     this.range.oninput = () => this.spec.live && lead();
     this.range.onchange = lead;

@@ -142,6 +142,8 @@ FAULTS = {
     "two.svg": (svg('<circle r="4"/><circle cx="9" r="4"/>'), "shell at (4, 0)"),
     "three.svg": (svg('<circle r="9"/><circle r="6"/><circle r="4"/>'), "nested at ("),
     "clip.svg": (svg('<g clip-path="url(#a)"><circle r="9"/></g>'), "has a clip-path"),
+    "root.svg": (svg("<g/>").replace(" ", " clip-path='a' ", 1), "a clip-path"),
+    "empty.svg": (svg(""), "no path is visible"),
     "turned.svg": (svg('<rect style="transform-origin:9px"/>'), "a transform-origin"),
     "mask.svg": (svg('<circle r="9" style="mask:url(#a)"/>'), "a path has a mask"),
     # In a viewer, the first is solid, and the hole of the second is in the middle.

@@ -138,6 +138,9 @@ def test_files_that_no_run_wrote_are_never_touched(tmp_path, name, overwrite):
 
 def test_a_run_s_folder_with_a_user_s_file_is_left(tmp_path):
     out = compute(tmp_path / "run")
+    (out / "scene.yaml").write_text(f"# mine\n{SCENE}")
+    with refused("holds another run"):
+        compute(out)
     (out / "thesis.tex").write_text("mine")
     before = content(out)
     with refused("no run wrote"):
